@@ -1,0 +1,1 @@
+"""A ROS 2 simulator of a robotic manta ray with flexible pectoral fins."""

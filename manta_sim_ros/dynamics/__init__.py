@@ -1,0 +1,8 @@
+"""The coupled dynamics of the robotic manta, free of ROS."""
+
+from manta_sim_ros.dynamics.gait import FinCommand
+from manta_sim_ros.dynamics.parameters import Parameters
+from manta_sim_ros.dynamics.simulator import DivergenceError, Simulator, fin_dynamics
+from manta_sim_ros.dynamics.state import State
+
+__all__ = ['DivergenceError', 'FinCommand', 'Parameters', 'Simulator', 'State', 'fin_dynamics']

@@ -1,0 +1,352 @@
+"""One flexible fin, (11) to (33): joint accelerations and the wrench on the body, for the left fin.
+
+All hinges of a chain are parallel to x_0, so in the components of F_0 the recursion is planar plus the motion of the
+support, which the whole fin shares. Arrays are link-major, [link, chain], so that the compiler's vector units run
+across chains; link 0 is at the root, chain 0 at the leading edge. Every chain quantity is per unit chord.
+
+Letters of the kernels, after the paper: c, s = cosine and sine of a link's angle to y_0; w its rate; u = (c, s) its
+direction in the y-z plane of F_0 and u' = (-s, c) the normal to it; y, z its midpoint; V, W = V_0, Omega_0;
+tau = joint torque; M, h, D, p, nu = inertia and bias of a link with all beyond it, reflected to its hinge.
+"""
+
+from __future__ import annotations
+
+from math import factorial, sqrt
+from typing import NamedTuple
+
+import numpy as np
+
+from manta_sim_ros.dynamics.actuation import SupportMotion
+from manta_sim_ros.dynamics.compilation import inlined_kernel, kernel
+from manta_sim_ros.dynamics.geometry import add, cross, rotate, subtract
+from manta_sim_ros.dynamics.parameters import Vector
+
+InertialMotion = tuple[Vector, Vector, Vector, Vector]
+"""Omega_0, the inertial acceleration of A, its derivative along x_0, and Omega_0-dot, in F_0."""
+
+LANES = 16
+"""Rows are as long as the next multiple of this many chains, so that no loop has a remainder."""
+
+
+class FinConstants(NamedTuple):
+    """What a fin's kernels need of the parameters, per unit chord."""
+
+    chain_spacing: float  # ds [m]
+    link_length: float  # dl [m]
+    link_mass: float  # rho_f h dl [kg/m]
+    stiffness: float  # 2 E I / dl [N], with I = h^3 / 12
+    damping: float  # c [N s]
+    drag: float  # rho C_D dl / 2 [kg/m^2]
+
+
+class Links(NamedTuple):
+    """Working arrays of one fin, [link, chain]: the state of each link as an evaluation finds it."""
+
+    c: np.ndarray
+    s: np.ndarray
+    w: np.ndarray  # rate of the link's angle [rad/s]
+    y: np.ndarray  # midpoint [m]
+    z: np.ndarray
+    y_rate: np.ndarray  # its velocity in F_0 [m/s]
+    z_rate: np.ndarray
+    torque: np.ndarray  # elastic and damping torque of the link's joint [N]
+    slope: np.ndarray  # chordwise slope of the surface normal to the link, n = (slope, -s, c) / sqrt(1 + slope^2)
+    drag: np.ndarray  # drag along (slope, -s, c) [N/m]
+    h_y: np.ndarray
+    h_z: np.ndarray
+    d_inverse: np.ndarray  # 1 / D
+    q_bias: np.ndarray  # tau - nu
+    g_y: np.ndarray  # acceleration gradient along the link, without the joints' accelerations [1/s^2]
+    g_z: np.ndarray
+
+
+class Tips(NamedTuple):
+    """Working arrays of one fin, [chain]: what a recursion hands from link to link."""
+
+    c: np.ndarray
+    s: np.ndarray
+    w: np.ndarray
+    y: np.ndarray
+    z: np.ndarray
+    y_rate: np.ndarray
+    z_rate: np.ndarray
+    m_yy: np.ndarray
+    m_yz: np.ndarray
+    m_zz: np.ndarray
+    p_y: np.ndarray
+    p_z: np.ndarray
+    torque: np.ndarray
+    a_y: np.ndarray
+    a_z: np.ndarray
+    angular_acceleration: np.ndarray
+
+
+@inlined_kernel
+def working_arrays(links: int, row: int) -> tuple[Links, Tips]:
+    """Return new `Links` and `Tips` for rows of `row` chains."""
+    shape = (links, row)
+    return Links(
+        np.empty(shape), np.empty(shape), np.empty(shape), np.empty(shape), np.empty(shape), np.empty(shape),
+        np.empty(shape), np.empty(shape), np.empty(shape), np.empty(shape), np.empty(shape), np.empty(shape),
+        np.empty(shape), np.empty(shape), np.empty(shape), np.empty(shape),
+    ), Tips(
+        np.empty(row), np.empty(row), np.empty(row), np.empty(row), np.empty(row), np.empty(row), np.empty(row),
+        np.empty(row), np.empty(row), np.empty(row), np.empty(row), np.empty(row), np.empty(row), np.empty(row),
+        np.empty(row), np.empty(row),
+    )
+
+
+def row_length(chains: int) -> int:
+    """Return the length of a row that holds `chains` chains; the rest repeats the last chain."""
+    return -(-chains // LANES) * LANES
+
+
+def stations(chains: int, support_length: float) -> np.ndarray:
+    """Return where the chains stand on the support, s from A [m], midpoint rule, padded to `row_length(chains)`."""
+    spacing = support_length / chains
+    real = support_length - (np.arange(chains) + 0.5) * spacing
+    return np.concatenate((real, np.full(row_length(chains) - chains, real[-1])))
+
+
+# Taylor's coefficients: for |x| <= pi / 2 what is left out is below 2e-17.
+S1, S3, S5, S7, S9, S11, S13, S15, S17, S19, S21 = ((-1) ** k / factorial(2 * k + 1) for k in range(11))
+C0, C2, C4, C6, C8, C10, C12, C14, C16, C18, C20, C22 = ((-1) ** k / factorial(2 * k) for k in range(12))
+
+
+@kernel
+def sine_cosine(x: float) -> tuple[float, float]:
+    """Return sin x and cos x for |x| <= pi / 2, to rounding, in arithmetic that runs in vector units.
+
+    Numba's own call the C library for one number at a time. Even and odd halves keep the chains of operations short.
+    """
+    x2 = x * x
+    x4 = x2 * x2
+    sine = S1 + x4 * (S5 + x4 * (S9 + x4 * (S13 + x4 * (S17 + x4 * S21))))
+    sine += x2 * (S3 + x4 * (S7 + x4 * (S11 + x4 * (S15 + x4 * S19))))
+    cosine = C0 + x4 * (C4 + x4 * (C8 + x4 * (C12 + x4 * (C16 + x4 * C20))))
+    cosine += x2 * (C2 + x4 * (C6 + x4 * (C10 + x4 * (C14 + x4 * (C18 + x4 * C22)))))
+    return x * sine, cosine
+
+
+@kernel
+def link_motion(
+    q: np.ndarray, q_rate: np.ndarray, c: np.ndarray, s: np.ndarray, w: np.ndarray, y: np.ndarray, z: np.ndarray,
+    y_rate: np.ndarray, z_rate: np.ndarray, torque: np.ndarray, tip_c: np.ndarray, tip_s: np.ndarray,
+    tip_w: np.ndarray, tip_y: np.ndarray, tip_z: np.ndarray, tip_y_rate: np.ndarray, tip_z_rate: np.ndarray,
+    dl: float, stiffness: float, damping: float,
+) -> None:
+    """From root to tip: direction, midpoint and velocity of each link in F_0, (16), and joint torque, (14), (15)."""
+    links, row = q.shape
+    for k in range(row):
+        tip_c[k], tip_s[k], tip_w[k] = 1.0, 0.0, 0.0
+        tip_y[k], tip_z[k], tip_y_rate[k], tip_z_rate[k] = 0.0, 0.0, 0.0, 0.0
+    for j in range(links):
+        for k in range(row):
+            half_s, half_c = sine_cosine(0.5 * q[j, k])
+            half_c2 = half_c * half_c
+            q_c, q_s = half_c2 - half_s * half_s, 2.0 * half_s * half_c
+            torque[j, k] = -stiffness * half_s / (half_c2 * half_c) - damping * q_rate[j, k]
+            cj = tip_c[k] * q_c - tip_s[k] * q_s
+            sj = tip_s[k] * q_c + tip_c[k] * q_s
+            wj = tip_w[k] + q_rate[j, k]
+            along_y, along_z = 0.5 * dl * cj, 0.5 * dl * sj
+            y[j, k] = tip_y[k] + along_y
+            z[j, k] = tip_z[k] + along_z
+            y_rate[j, k] = tip_y_rate[k] - along_z * wj
+            z_rate[j, k] = tip_z_rate[k] + along_y * wj
+            tip_y[k] += 2.0 * along_y
+            tip_z[k] += 2.0 * along_z
+            tip_y_rate[k] -= 2.0 * along_z * wj
+            tip_z_rate[k] += 2.0 * along_y * wj
+            c[j, k], s[j, k], w[j, k] = cj, sj, wj
+            tip_c[k], tip_s[k], tip_w[k] = cj, sj, wj
+
+
+@kernel
+def surface_slopes(
+    c: np.ndarray, s: np.ndarray, y: np.ndarray, z: np.ndarray, slope: np.ndarray, chains: int, ds: float,
+) -> None:
+    """Chordwise slope of each link's normal, (11): n = t x u = (slope, -s, c), normalised where it is used.
+
+    The sum of the tangents at root and tip of a link is twice the difference of its neighbours' midpoints.
+    """
+    links, row = c.shape
+    last = chains - 1
+    for j in range(links):
+        slope[j, 0] = ((y[j, 0] - y[j, 1]) * s[j, 0] - (z[j, 0] - z[j, 1]) * c[j, 0]) / ds
+        for k in range(1, last):
+            slope[j, k] = ((y[j, k - 1] - y[j, k + 1]) * s[j, k] - (z[j, k - 1] - z[j, k + 1]) * c[j, k]) / (2.0 * ds)
+        slope[j, last] = (
+            (y[j, last - 1] - y[j, last]) * s[j, last] - (z[j, last - 1] - z[j, last]) * c[j, last]
+        ) / ds
+        for k in range(chains, row):
+            slope[j, k] = slope[j, last]
+
+
+@kernel
+def reflected_inertia(
+    c: np.ndarray, s: np.ndarray, w: np.ndarray, y: np.ndarray, z: np.ndarray, y_rate: np.ndarray,
+    z_rate: np.ndarray, torque: np.ndarray, slope: np.ndarray, drag: np.ndarray, h_y: np.ndarray, h_z: np.ndarray,
+    d_inverse: np.ndarray, q_bias: np.ndarray, g_y: np.ndarray, g_z: np.ndarray, m_yy: np.ndarray,
+    m_yz: np.ndarray, m_zz: np.ndarray, p_y: np.ndarray, p_z: np.ndarray, beyond: np.ndarray, station: np.ndarray,
+    through_water: Vector, omega: Vector, roll_acceleration: float, dl: float, mass: float, drag_factor: float,
+) -> None:
+    """From tip to root: drag (12), then inertia and bias of each link with all beyond it, (18) to (26).
+
+    With a the acceleration of the link's hinge, f the force and tau the torque that it must get there:
+    f = M a + h w-dot + p and tau = h.a + D w-dot + nu. Eliminating w-dot link by link is (29) solved from the tip, at a
+    cost linear in the number of links. Afterwards m, p hold the root's f = M a + p with w-dot eliminated.
+    """
+    links, row = c.shape
+    vx, vy, vz = through_water
+    wx, wy, wz = omega
+    first, second = 0.5 * mass * dl, mass * dl * dl / 3.0  # of the link's mass about its hinge
+    for k in range(row):
+        m_yy[k], m_yz[k], m_zz[k], p_y[k], p_z[k], beyond[k] = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    for j in range(links - 1, -1, -1):
+        for k in range(row):
+            cj, sj, n_x = c[j, k], s[j, k], slope[j, k]
+            normal_velocity = (
+                n_x * (vx + wy * z[j, k] - wz * y[j, k])
+                - sj * (vy + wz * station[k] - wx * z[j, k] + y_rate[j, k])
+                + cj * (vz + wx * y[j, k] - wy * station[k] + z_rate[j, k])
+            )
+            n2 = 1.0 + n_x * n_x
+            force = -drag_factor * abs(normal_velocity) * normal_velocity / (n2 * sqrt(n2))
+
+            spin = w[j, k] + wx
+            spin2 = spin * spin
+            gy = -roll_acceleration * sj - spin2 * cj + wz * (wy * sj - wz * cj)
+            gz = roll_acceleration * cj - spin2 * sj + wy * (wz * cj - wy * sj)
+            ey = p_y[k] + dl * (m_yy[k] * gy + m_yz[k] * gz)
+            ez = p_z[k] + dl * (m_yz[k] * gy + m_zz[k] * gz)
+            ny = dl * (m_yz[k] * cj - m_yy[k] * sj)
+            nz = dl * (m_zz[k] * cj - m_yz[k] * sj)
+
+            hy = ny - first * sj
+            hz = nz + first * cj
+            inverse = 1.0 / (second + dl * (nz * cj - ny * sj))
+            nu = second * (cj * gz - sj * gy) - 0.5 * dl * force + dl * (cj * ez - sj * ey) + beyond[k]
+            bias = torque[j, k] - nu
+            drag[j, k], h_y[j, k], h_z[j, k], d_inverse[j, k], q_bias[j, k] = force, hy, hz, inverse, bias
+            g_y[j, k], g_z[j, k] = gy, gz
+
+            by, bz = hy * inverse, hz * inverse
+            m_yy[k] += mass - hy * by
+            m_yz[k] -= hy * bz
+            m_zz[k] += mass - hz * bz
+            p_y[k] = ey + first * gy + force * sj + by * bias
+            p_z[k] = ez + first * gz - force * cj + bz * bias
+            beyond[k] = torque[j, k]
+
+
+@kernel
+def joint_accelerations(
+    c: np.ndarray, s: np.ndarray, h_y: np.ndarray, h_z: np.ndarray, d_inverse: np.ndarray, q_bias: np.ndarray,
+    g_y: np.ndarray, g_z: np.ndarray, a_y: np.ndarray, a_z: np.ndarray, w_dot: np.ndarray, station: np.ndarray,
+    q_acceleration: np.ndarray, root: tuple[float, float], root_slope: tuple[float, float], dl: float,
+) -> None:
+    """From root to tip: joint accelerations [rad/s^2], (27) to (29).
+
+    `root` is the acceleration of A and `root_slope` its change along x_0, y and z components in F_0.
+    """
+    links, row = c.shape
+    for k in range(row):
+        a_y[k] = root[0] + root_slope[0] * station[k]
+        a_z[k] = root[1] + root_slope[1] * station[k]
+        w_dot[k] = 0.0
+    for j in range(links):
+        for k in range(row):
+            found = (q_bias[j, k] - h_y[j, k] * a_y[k] - h_z[j, k] * a_z[k]) * d_inverse[j, k]
+            q_acceleration[j, k] = found - w_dot[k]
+            w_dot[k] = found
+            a_y[k] += dl * (g_y[j, k] - found * s[j, k])
+            a_z[k] += dl * (g_z[j, k] + found * c[j, k])
+
+
+@inlined_kernel
+def root_wrench(
+    fin: FinConstants, chains: int, station: np.ndarray, links: Links, tips: Tips, omega: Vector, a: Vector,
+    a_slope: Vector, omega_1: Vector,
+) -> tuple[Vector, Vector]:
+    """Return the wrench of the fin on its support about A, components in F_0, (31) to (33).
+
+    `a` is the inertial acceleration of A; `a_slope` its derivative along x_0; after `reflected_inertia`.
+    """
+    dl, mass = fin.link_length, fin.link_mass
+    wx, wy, wz = omega
+    # how the x component of the acceleration of a point at rest in F_0 changes with its y and z
+    xy, xz = wx * wy - omega_1[2], wx * wz + omega_1[1]
+    fx, fy, fz, mx, my, mz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    for k in range(chains):
+        sk = station[k]
+        ay, az = a[1] + a_slope[1] * sk, a[2] + a_slope[2] * sk
+        root_fy = tips.m_yy[k] * ay + tips.m_yz[k] * az + tips.p_y[k]
+        root_fz = tips.m_yz[k] * ay + tips.m_zz[k] * az + tips.p_z[k]
+        fy -= root_fy
+        fz -= root_fz
+        mx -= links.torque[0, k]
+        my += sk * root_fz
+        mz -= sk * root_fy
+    for j in range(links.c.shape[0]):
+        for k in range(chains):
+            cj, sj, y, z = links.c[j, k], links.s[j, k], links.y[j, k], links.z[j, k]
+            ax = a[0] + a_slope[0] * station[k] + xy * y + xz * z
+            ax += 2.0 * (wy * links.z_rate[j, k] - wz * links.y_rate[j, k])
+            gx = xy * cj + xz * sj + 2.0 * links.w[j, k] * (wy * cj + wz * sj)
+            force = mass * ax - links.drag[j, k] * links.slope[j, k]
+            fx -= force
+            my -= z * force + mass * dl * dl / 12.0 * sj * gx
+            mz += y * force + mass * dl * dl / 12.0 * cj * gx
+    ds = fin.chain_spacing
+    return (ds * fx, ds * fy, ds * fz), (ds * mx, ds * my, ds * mz)
+
+
+@inlined_kernel
+def accelerate(
+    fin: FinConstants, chains: int, station: np.ndarray, links: Links, tips: Tips, q: np.ndarray,
+    q_rate: np.ndarray, q_acceleration: np.ndarray, support: SupportMotion, water_velocity: Vector,
+) -> InertialMotion:
+    """Fill `q_acceleration` [rad/s^2] of one fin from `q`, `q_rate`, all [link, chain], and return what a wrench needs.
+
+    `support` is what `support_motion` returns, `water_velocity` the water's, components in F_0. Returns Omega_0, the
+    inertial acceleration of A, its derivative along x_0, and Omega_0-dot.
+    """
+    _, _, velocity, omega, velocity_1, omega_1 = support
+    a = add(velocity_1, cross(omega, velocity))
+    along = (1.0, 0.0, 0.0)
+    a_slope = add(cross(omega_1, along), cross(omega, cross(omega, along)))
+    dl, ds = fin.link_length, fin.chain_spacing
+    link_motion(
+        q, q_rate, links.c, links.s, links.w, links.y, links.z, links.y_rate, links.z_rate, links.torque,
+        tips.c, tips.s, tips.w, tips.y, tips.z, tips.y_rate, tips.z_rate, dl, fin.stiffness, fin.damping,
+    )
+    surface_slopes(links.c, links.s, links.y, links.z, links.slope, chains, ds)
+    reflected_inertia(
+        links.c, links.s, links.w, links.y, links.z, links.y_rate, links.z_rate, links.torque, links.slope, links.drag,
+        links.h_y, links.h_z, links.d_inverse, links.q_bias, links.g_y, links.g_z,
+        tips.m_yy, tips.m_yz, tips.m_zz, tips.p_y, tips.p_z, tips.torque, station,
+        subtract(velocity, water_velocity), omega, omega_1[0], dl, fin.link_mass, fin.drag,
+    )
+    joint_accelerations(
+        links.c, links.s, links.h_y, links.h_z, links.d_inverse, links.q_bias, links.g_y, links.g_z,
+        tips.a_y, tips.a_z, tips.angular_acceleration, station, q_acceleration,
+        (a[1], a[2]), (a_slope[1], a_slope[2]), dl,
+    )
+    return omega, a, a_slope, omega_1
+
+
+@inlined_kernel
+def wrench_on_body(
+    fin: FinConstants, chains: int, station: np.ndarray, links: Links, tips: Tips, support: SupportMotion,
+    inertial: InertialMotion,
+) -> tuple[Vector, Vector]:
+    """Return force and moment of the fin on the body about its centre of mass, components in F_b, (33).
+
+    `inertial` is what `accelerate` returned, for the same working arrays.
+    """
+    omega, a, a_slope, omega_1 = inertial
+    force_0, moment_0 = root_wrench(fin, chains, station, links, tips, omega, a, a_slope, omega_1)
+    rotation, position = support[0], support[1]
+    force = rotate(rotation, force_0)
+    return force, add(rotate(rotation, moment_0), cross(position, force))

@@ -1,0 +1,269 @@
+"""The face of the dynamics: `Simulator` steps a state, `fin_dynamics` evaluates one fin."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Callable
+
+import numpy as np
+
+from manta_sim_ros.dynamics import coupling
+from manta_sim_ros.dynamics.compilation import announced_compilation
+from manta_sim_ros.dynamics.gait import REST, SIDES, FinCommand, check_gait, check_transition
+from manta_sim_ros.dynamics.parameters import Parameters
+from manta_sim_ros.dynamics.state import State
+
+WHOLE_STEPS_TOLERANCE = 1e-6
+"""How far a duration may be from a whole number of steps, in steps: the rounding of decimal fractions, no more."""
+
+
+class DivergenceError(ValueError):
+    """The time step is too large for this motion: a joint passed +-pi or the state is not finite any more."""
+
+
+class Simulator:
+    """The robot, its fins and the water: takes commands, advances in time.
+
+    Parameters
+    ----------
+    parameters
+        All values of the model.
+    state
+        Where to start; default at rest at the origin, fins flat, time 0.
+
+    Raises
+    ------
+    ValueError
+        `state` does not fit `parameters`.
+
+    """
+
+    def __init__(self, parameters: Parameters | None = None, state: State | None = None) -> None:
+        self._parameters = Parameters() if parameters is None else parameters
+        self._constants = coupling.constants(self._parameters)
+        self.reset(state)
+
+    @property
+    def parameters(self) -> Parameters:
+        """The values of the model."""
+        return self._parameters
+
+    @property
+    def state(self) -> State:
+        """The present state."""
+        return self._state
+
+    def reset(self, state: State | None = None) -> State:
+        """Go to `state`, or to rest at the origin at time 0, and return it.
+
+        Raises
+        ------
+        ValueError
+            `state` does not fit the parameters: another number of chains or links, a joint past +-pi, an impossible
+            gait. The simulator stays where it was.
+
+        """
+        if state is None:
+            state = State.at_rest(self._parameters)
+        fin = self._parameters.fin
+        expected = (2, fin.chains, fin.links)
+        if state.joint_angles.shape != expected:
+            raise ValueError(
+                f'state.joint_angles has shape {state.joint_angles.shape}, but fin.chains and fin.links '
+                f'ask for {expected}'
+            )
+        largest = float(np.abs(state.joint_angles).max())
+        if not largest < math.pi:
+            raise ValueError(f'state.joint_angles reach {largest:g} rad, but must stay below pi')
+        for side in range(2):
+            command = FinCommand(*state.gait_commands[side])
+            check_gait(self._parameters.rods, side, command)
+            check_transition(self._parameters.rods, side, state.gait[side], state.gait_rates[side], command)
+        step = self._parameters.solver.time_step
+        if state.time != state.start_time + state.step_count * step:  # it comes from elsewhere: count anew from here
+            state = dataclasses.replace(state, start_time=state.time, step_count=0)
+        self._state = state
+        return state
+
+    def command(self, *, left: FinCommand, right: FinCommand) -> None:
+        """Command the gaits of both fins, from now on; smoothed with `rods.command_time_constant`.
+
+        Raises
+        ------
+        ValueError
+            A gait is impossible, or cannot be reached from the present one; names side, value and bound. Neither fin is
+            commanded then.
+
+        """
+        gait, rates = self._state.gait.copy(), self._state.gait_rates.copy()
+        rods = self._parameters.rods
+        for side, command in enumerate((left, right)):
+            if not isinstance(command, FinCommand):
+                raise ValueError(f'the {SIDES[side]} command is {command!r}, but must be a FinCommand')
+            check_gait(rods, side, command)
+            with announced_compilation():
+                check_transition(rods, side, gait[side], rates[side], command)
+        commands = np.array([left.as_array(), right.as_array()])
+        if rods.command_time_constant == 0.0:
+            gait, rates = commands, np.zeros_like(rates)
+        self._state = dataclasses.replace(self._state, gait=gait, gait_rates=rates, gait_commands=commands)
+
+    def advance(self, duration: float) -> State:
+        """Advance by `duration` [s], a whole number of time steps, in one compiled loop; return the new state.
+
+        Raises
+        ------
+        ValueError
+            `duration` is negative, not finite or no whole number of steps.
+        DivergenceError
+            A joint passed +-pi or a value is not finite; gives time, fin, chain and a time step to try. The simulator
+            stays where it was before.
+
+        """
+        steps = self._whole_steps(duration)
+        before = self._state
+        motion = coupling.Motion(
+            position=before.position.copy(),
+            orientation=before.orientation.copy(),
+            twist=before.twist.copy(),
+            acceleration=before.acceleration.copy(),
+            q=coupling.padded(before.joint_angles),
+            q_rate=coupling.padded(before.joint_rates),
+            gait=before.gait.copy(),
+            gait_rate=before.gait_rates.copy(),
+            command=before.gait_commands.copy(),
+            cycle_angle=before.cycle_angles.copy(),
+            rod_angles=before.rod_angles.copy(),
+            fin_wrenches=before.fin_wrenches.copy(),
+        )
+        with announced_compilation():
+            taken, failed, side, chain = coupling.advance_kernel(self._constants, motion, steps)
+        if failed:
+            raise self._divergence(before, taken, failed, side, chain)
+        chains = self._parameters.fin.chains
+        count = before.step_count + steps
+        self._state = State(
+            time=before.start_time + count * self._parameters.solver.time_step,
+            position=motion.position,
+            orientation=motion.orientation,
+            twist=motion.twist,
+            acceleration=motion.acceleration,
+            joint_angles=coupling.unpadded(motion.q, chains),
+            joint_rates=coupling.unpadded(motion.q_rate, chains),
+            rod_angles=motion.rod_angles,
+            fin_wrenches=motion.fin_wrenches,
+            gait=motion.gait,
+            gait_rates=motion.gait_rate,
+            gait_commands=motion.command,
+            cycle_angles=motion.cycle_angle,
+            start_time=before.start_time,
+            step_count=count,
+        )
+        return self._state
+
+    def _whole_steps(self, duration: float) -> int:
+        time_step = self._parameters.solver.time_step
+        if not (math.isfinite(duration) and duration >= 0.0):
+            raise ValueError(f'duration is {duration!r} s, but must be finite and at least 0')
+        steps = round(duration / time_step)
+        if abs(duration / time_step - steps) > WHOLE_STEPS_TOLERANCE * max(1.0, steps * 1e-3):
+            raise ValueError(
+                f'duration is {duration!r} s, but must be a whole number of steps of solver.time_step, '
+                f'{time_step!r} s; the nearest is {steps * time_step!r} s'
+            )
+        return steps
+
+    def _divergence(self, before: State, taken: int, failed: int, side: int, chain: int) -> DivergenceError:
+        time_step = self._parameters.solver.time_step
+        time = before.start_time + (before.step_count + taken + 1) * time_step
+        where = (
+            f'a joint of chain {chain} of the {SIDES[side]} fin passed +-pi or is not finite'
+            if failed == coupling.FIN_FAILED
+            else "the body's motion is not finite"
+        )
+        return DivergenceError(
+            f'at {time:.6g} s {where}: solver.time_step is {time_step:g} s, too large for this motion; '
+            f'try {time_step / 2:g} s'
+        )
+
+
+def prepare(announce: Callable[[str], object]) -> None:
+    """Have the kernels of `Simulator` compiled or loaded now; `announce` gets one line if they must be compiled."""
+    with announced_compilation(announce):
+        simulator = Simulator()
+        simulator.command(left=REST, right=REST)
+        simulator.advance(0.0)
+
+
+def fin_dynamics(
+    parameters: Parameters,
+    side: int,
+    rod_motion: np.ndarray,
+    joint_angles: np.ndarray,
+    joint_rates: np.ndarray,
+    body_twist: np.ndarray,
+    body_acceleration: np.ndarray,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Evaluate (6) to (33) for one fin in still water, in any state.
+
+    Parameters
+    ----------
+    parameters
+        All values of the model.
+    side
+        0 left, 1 right.
+    rod_motion
+        (2, 3) rows front, rear; columns angle [rad], rate [rad/s], acceleration [rad/s^2].
+    joint_angles, joint_rates
+        (n, m) [rad], [rad/s].
+    body_twist, body_acceleration
+        (6,) linear part first, and the derivative of its components; in F_b, not mirrored.
+
+    Returns
+    -------
+    tuple
+        Joint accelerations (n, m) [rad/s^2], and the wrench (6,) [N, N m] of the fin on the body about the centre of
+        mass, in F_b.
+
+    Raises
+    ------
+    ValueError
+        `side` is not 0 or 1, an array has a wrong shape or is not finite, or the support does not close.
+
+    """
+    if side not in (0, 1):
+        raise ValueError(f'side is {side!r}, but must be 0 (left) or 1 (right)')
+    fin, rods = parameters.fin, parameters.rods
+    joints = (fin.chains, fin.links)
+    rod_motion = _finite_array('rod_motion', rod_motion, (2, 3))
+    # stiffness and geometry have a period of 2 pi in each joint's angle
+    wrapped = np.remainder(_finite_array('joint_angles', joint_angles, joints) + math.pi, 2 * math.pi) - math.pi
+    rates = _finite_array('joint_rates', joint_rates, joints)
+    twist = _finite_array('body_twist', body_twist, (6,))
+    acceleration = _finite_array('body_acceleration', body_acceleration, (6,))
+    (front_y, rear_y), (front_z, rear_z) = (
+        (rods.front_radius * f(rod_motion[0, 0]), rods.rear_radius * f(rod_motion[1, 0])) for f in (math.cos, math.sin)
+    )
+    apart = math.hypot(front_y - rear_y, front_z - rear_z)
+    if not apart < rods.support_length:
+        raise ValueError(
+            f'rod_motion sets the rod ends {apart:g} m apart in the y-z plane, but the support closes only below '
+            f'rods.support_length, {rods.support_length:g} m'
+        )
+    wrench = np.empty(6)
+    with announced_compilation():
+        accelerations = coupling.evaluate_kernel(
+            coupling.constants(parameters), side, rod_motion, coupling.padded(wrapped), coupling.padded(rates),
+            twist, acceleration, wrench,
+        )
+    return coupling.unpadded(accelerations, fin.chains), wrench
+
+
+def _finite_array(name: str, values: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
+    array = np.ascontiguousarray(values, dtype=np.float64)
+    if array.shape != shape:
+        raise ValueError(f'{name} has shape {array.shape}, but must have {shape}')
+    if not np.isfinite(array).all():
+        raise ValueError(f'{name} must be finite, but has {array[~np.isfinite(array)][0]}')
+    return array

@@ -1,0 +1,113 @@
+"""The state of a simulation, frozen: what a step starts from and what it yields."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any
+
+import numpy as np
+
+from manta_sim_ros.dynamics.parameters import Parameters
+
+SHAPES: dict[str, tuple[int, ...]] = {
+    'position': (3,),
+    'orientation': (4,),
+    'twist': (6,),
+    'acceleration': (6,),
+    'rod_angles': (2, 2),
+    'fin_wrenches': (2, 6),
+    'gait': (2, 5),
+    'gait_rates': (2, 5),
+    'gait_commands': (2, 5),
+    'cycle_angles': (2,),
+}
+"""Shapes of the arrays of a state; joint_angles and joint_rates are (2, n, m)."""
+
+UNIT_TOLERANCE = 1e-6
+"""How far from 1 the norm of an orientation may be: digits of a value that was printed, not a wrong one."""
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class State:
+    """State of the robot at one time. Arrays are read-only; fin index 0 is left, 1 right. SI units, radians.
+
+    Components are in the body frame (x forward, y left, z up, origin at the centre of mass) unless said otherwise.
+
+    Raises
+    ------
+    ValueError
+        An array has a wrong shape, a value is not finite, or the orientation is no unit quaternion.
+
+    """
+
+    time: float
+    """Simulated time [s]."""
+    position: np.ndarray
+    """(3,) of the centre of mass, world frame [m]."""
+    orientation: np.ndarray
+    """(4,) unit quaternion x, y, z, w: body to world components."""
+    twist: np.ndarray
+    """(6,) V [m/s], Omega [rad/s]."""
+    acceleration: np.ndarray
+    """(6,) derivative of the twist's components in the step before [m/s^2, rad/s^2], which the next step's fins see."""
+    joint_angles: np.ndarray
+    """(2, n, m) [fin, chain, link] [rad], positive with the tip up on both sides."""
+    joint_rates: np.ndarray
+    """(2, n, m) [rad/s]."""
+    rod_angles: np.ndarray
+    """(2, 2) [fin, front or rear] [rad]."""
+    fin_wrenches: np.ndarray
+    """(2, 6) force [N] and moment [N m] of each fin on the body about its centre of mass, at the step's end."""
+    gait: np.ndarray
+    """(2, 5) smoothed amplitude [rad], frequency [Hz], phase, front bias and rear bias [rad] of each fin."""
+    gait_rates: np.ndarray
+    """(2, 5) time derivative of `gait`."""
+    gait_commands: np.ndarray
+    """(2, 5) what `gait` goes to: the last command."""
+    cycle_angles: np.ndarray
+    """(2,) angle psi of each fin in its cycle, [0, 2 pi) [rad]."""
+    start_time: float = 0.0
+    """Time from which steps are counted [s], so that time is a product and gathers no rounding."""
+    step_count: int = 0
+    """Steps since `start_time`."""
+
+    def __post_init__(self) -> None:
+        """Copy the arrays, make them read-only, and check them."""
+        if not (isinstance(self.time, int | float) and np.isfinite(self.time)):
+            raise ValueError(f'state.time is {self.time!r}, but must be a finite number [s]')
+        for field in dataclasses.fields(self):
+            if field.name in SHAPES or field.name in ('joint_angles', 'joint_rates'):
+                object.__setattr__(self, field.name, self._checked_array(field.name))
+        if self.joint_angles.ndim != 3 or self.joint_angles.shape[0] != 2:
+            raise ValueError(f'state.joint_angles has shape {self.joint_angles.shape}, but must have (2, n, m)')
+        if self.joint_rates.shape != self.joint_angles.shape:
+            raise ValueError(
+                f'state.joint_rates has shape {self.joint_rates.shape}, but must have that of joint_angles, '
+                f'{self.joint_angles.shape}'
+            )
+        norm = float(np.linalg.norm(self.orientation))
+        if not abs(norm - 1.0) <= UNIT_TOLERANCE:
+            raise ValueError(f'state.orientation has norm {norm:.9g}, but must have 1 within {UNIT_TOLERANCE:g}')
+
+    def _checked_array(self, name: str) -> np.ndarray:
+        array = np.array(getattr(self, name), dtype=np.float64)
+        if name in SHAPES and array.shape != SHAPES[name]:
+            raise ValueError(f'state.{name} has shape {array.shape}, but must have {SHAPES[name]}')
+        if not np.isfinite(array).all():
+            raise ValueError(f'state.{name} must be finite, but has {array[~np.isfinite(array)][0]}')
+        array.setflags(write=False)
+        return array
+
+    @property
+    def wrench(self) -> np.ndarray:
+        """(6,) sum of `fin_wrenches`: force [N] and moment [N m] of both fins on the body."""
+        return self.fin_wrenches[0] + self.fin_wrenches[1]
+
+    @classmethod
+    def at_rest(cls, parameters: Parameters) -> State:
+        """Return the state at time 0: at rest at the origin, both fins flat and not commanded."""
+        fin = parameters.fin
+        zeros: dict[str, Any] = {name: np.zeros(shape) for name, shape in SHAPES.items()}
+        zeros['orientation'][3] = 1.0
+        joints = np.zeros((2, fin.chains, fin.links))
+        return cls(time=0.0, joint_angles=joints, joint_rates=joints, **zeros)
