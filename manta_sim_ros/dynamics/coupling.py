@@ -10,28 +10,33 @@ import numpy as np
 
 from manta_sim_ros.dynamics.actuation import Rod, RodConstants, SupportMotion, support_motion
 from manta_sim_ros.dynamics.body import BodyConstants, body_acceleration
-from manta_sim_ros.dynamics.compilation import entry_kernel, inlined_kernel, kernel, source_digest
+from manta_sim_ros.dynamics.compilation import entry_kernel, kernel, source_digest
 from manta_sim_ros.dynamics.fin import (
     FinConstants,
-    InertialMotion,
-    Links,
-    Tips,
     accelerate,
+    root_wrench,
     row_length,
     stations,
     working_arrays,
     wrench_on_body,
 )
 from manta_sim_ros.dynamics.gait import advance_gait, rod_motion
-from manta_sim_ros.dynamics.geometry import mirror_axial, mirror_polar, rotate, rotate_back, rotation_rows, turn
+from manta_sim_ros.dynamics.geometry import (
+    Rotation,
+    add,
+    mirror_axial,
+    mirror_polar,
+    rotate,
+    rotate_back,
+    rotation_rows,
+    turn,
+)
 from manta_sim_ros.dynamics.parameters import Parameters, Vector
 
 
 class Constants(NamedTuple):
     """The parameters as the kernels take them."""
 
-    chains: int
-    station: np.ndarray  # (row,), s of each chain from A [m]
     fin: FinConstants
     rods: RodConstants
     body: BodyConstants
@@ -65,9 +70,9 @@ def constants(parameters: Parameters) -> Constants:
     bending_stiffness = fin.youngs_modulus * fin.thickness**3 / 12.0
     drag = 0.5 * water.density * np.multiply(body.drag_area, body.drag_coefficient)
     return Constants(
-        chains=fin.chains,
-        station=stations(fin.chains, rods.support_length),
         fin=FinConstants(
+            chains=fin.chains,
+            station=stations(fin.chains, rods.support_length),
             chain_spacing=rods.support_length / fin.chains,
             link_length=link_length,
             link_mass=fin.density * fin.thickness * link_length,
@@ -128,60 +133,67 @@ def _support(
     )
 
 
-@inlined_kernel
-def _fin(
-    constants: Constants, links: Links, tips: Tips, side: int, rods: tuple[Rod, Rod], twist: np.ndarray,
-    acceleration: np.ndarray, current: Vector, q: np.ndarray, q_rate: np.ndarray, q_acceleration: np.ndarray,
-) -> tuple[SupportMotion, InertialMotion]:
-    """Fill `q_acceleration` of one fin; return what its wrench needs. `current`: the water's velocity in F_b."""
-    support = _support(constants.rods, side, rods[0], rods[1], twist, acceleration)
-    water_velocity = rotate_back(support[0], _polar(current, side))
-    inertial = accelerate(
-        constants.fin, constants.chains, constants.station, links, tips, q, q_rate, q_acceleration,
-        support, water_velocity,
-    )
-    return support, inertial
-
-
-@inlined_kernel
-def _wrench(
-    constants: Constants, links: Links, tips: Tips, side: int, evaluated: tuple[SupportMotion, InertialMotion],
-) -> tuple[Vector, Vector]:
-    """Return force and moment of one fin on the body in F_b, after `_fin` with the same working arrays."""
-    support, inertial = evaluated
-    force, moment = wrench_on_body(
-        constants.fin, constants.chains, constants.station, links, tips, support, inertial)
-    return _polar(force, side), _axial(moment, side)
+@kernel
+def _copy(source: np.ndarray, target: np.ndarray) -> None:
+    for j in range(source.shape[0]):
+        for k in range(source.shape[1]):
+            target[j, k] = source[j, k]
 
 
 @kernel
-def _collect(
-    q_sum: np.ndarray, rate_sum: np.ndarray, rate: np.ndarray, acceleration: np.ndarray, weight: float,
+def _next_stage(
+    q: np.ndarray, q_rate: np.ndarray, q_acceleration: np.ndarray, base_q: np.ndarray, base_rate: np.ndarray,
+    sum_q: np.ndarray, sum_rate: np.ndarray, weight: float, ahead: float,
 ) -> None:
-    """Add a stage's slope to the weighted sums."""
-    for j in range(q_sum.shape[0]):
-        for k in range(q_sum.shape[1]):
-            q_sum[j, k] += weight * rate[j, k]
-            rate_sum[j, k] += weight * acceleration[j, k]
+    """Add a stage's slope to the sums, and follow it from the base to the next stage."""
+    for j in range(q.shape[0]):
+        for k in range(q.shape[1]):
+            sum_q[j, k] += weight * q_rate[j, k]
+            sum_rate[j, k] += weight * q_acceleration[j, k]
+            q[j, k] = base_q[j, k] + ahead * q_rate[j, k]
+            q_rate[j, k] = base_rate[j, k] + ahead * q_acceleration[j, k]
 
 
 @kernel
-def _first_bad_joint(q: np.ndarray, q_rate: np.ndarray, chains: int) -> int:
+def _first_bad_chain(q: np.ndarray, q_rate: np.ndarray, chains: int) -> int:
     """Return the first chain with a joint at or past +-pi or not finite, or -1."""
-    worst = 0.0
+    bad = 0
     for j in range(q.shape[0]):
         for k in range(chains):
-            worst += 0.0 if abs(q[j, k]) < pi and isfinite(q_rate[j, k]) else 1.0
-    if worst > 0.0:
+            bad += 0 if abs(q[j, k]) < pi and abs(q_rate[j, k]) < np.inf else 1
+    if bad:
         for k in range(chains):
             for j in range(q.shape[0]):
-                if not (abs(q[j, k]) < pi and isfinite(q_rate[j, k])):
+                if not (abs(q[j, k]) < pi and abs(q_rate[j, k]) < np.inf):
                     return k
     return -1
 
 
+@kernel
+def _step_body(
+    constants: Constants, motion: Motion, rotation: Rotation, current: Vector, force: Vector, moment: Vector,
+) -> bool:
+    """Forward Euler of the body, the wrench of both fins given; return whether its motion is finite."""
+    position, orientation, twist, acceleration = motion[:4]
+    dt = constants.time_step
+    velocity, omega = _triple(twist, 0), _triple(twist, 3)
+    linear, angular = body_acceleration(constants.body, rotation, velocity, omega, current, force, moment)
+    moved = rotate(rotation, velocity)
+    turn(orientation, omega, dt)
+    finite = True
+    for axis in range(3):
+        position[axis] += dt * moved[axis]
+        acceleration[axis], acceleration[3 + axis] = linear[axis], angular[axis]
+        twist[axis] += dt * linear[axis]
+        twist[3 + axis] += dt * angular[axis]
+        finite = finite and isfinite(position[axis]) and isfinite(twist[axis]) and isfinite(twist[3 + axis])
+    return finite
+
+
 FIN_FAILED, BODY_FAILED = 1, 2
-STILL = (0.0, 0.0, 0.0)  # water velocity
+RK4_TIMES = (0.0, 0.5, 0.5, 1.0, 1.0)  # of the four stages and of the wrench, in steps
+RK4_WEIGHTS = (1.0 / 6.0, 1.0 / 3.0, 1.0 / 3.0, 1.0 / 6.0)
+RK4_AHEAD = (0.5, 0.5, 1.0, 0.0)  # how far a stage's slope is followed to the next one, in steps
 
 
 def _build_advance(digest: str) -> Callable[..., Any]:
@@ -189,74 +201,70 @@ def _build_advance(digest: str) -> Callable[..., Any]:
     def advance(constants: Constants, motion: Motion, steps: int) -> tuple[int, int, int, int]:
         """Take `steps` steps in place; return steps taken, what failed (0 nothing), and its side and chain."""
         _ = digest
-        position, orientation, twist, acceleration, q_both, rate_both = motion[:6]
+        orientation, twist, acceleration, q_fins, q_rate_fins = motion[1:6]
         gait, gait_rate, command, cycle_angle, rod_angles, fin_wrenches = motion[6:]
+        fin, time_constant = constants.fin, constants.time_constant
         dt = constants.time_step
         ratio = constants.rods[1] / constants.rods[0]
-        links, tips = working_arrays(q_both.shape[1], q_both.shape[2])
-        shape = q_both.shape[1:]
+        links, row = q_fins.shape[1:]
+        link_arrays, row_arrays = working_arrays(links, row)
+        c, s, w, y, z, y_rate, z_rate, torque, slope, drag, h_y, h_z, d_inverse, q_bias, g_y, g_z = link_arrays
+        m_yy, m_yz, m_zz, p_y, p_z, first, second, third = row_arrays
+        shape = (links, row)
         q, q_rate, q_acceleration = np.empty(shape), np.empty(shape), np.empty(shape)
-        q_sum, rate_sum = np.empty(shape), np.empty(shape)
+        sum_q, sum_rate = np.empty(shape), np.empty(shape)
         for step in range(steps):
             rotation = rotation_rows(orientation)
             current = rotate_back(rotation, constants.current)
+            total_force, total_moment = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
             for side in range(2):
-                base_q, base_rate = q_both[side], rate_both[side]
-                # 1. the fin: classical Runge-Kutta, the body's motion held
-                for j in range(shape[0]):
-                    for k in range(shape[1]):
-                        q[j, k], q_rate[j, k] = base_q[j, k], base_rate[j, k]
-                        q_sum[j, k], rate_sum[j, k] = 0.0, 0.0
-                for stage in range(4):
-                    elapsed = 0.5 * dt * ((stage + 1) // 2)
-                    rods = rod_motion(
-                        ratio, constants.time_constant, gait[side], gait_rate[side], command[side], cycle_angle[side],
-                        elapsed,
+                base_q, base_rate = q_fins[side], q_rate_fins[side]
+                _copy(base_q, q)
+                _copy(base_rate, q_rate)
+                _copy(base_q, sum_q)
+                _copy(base_rate, sum_rate)
+                # 1. the fin: classical Runge-Kutta, the body's motion held; 2. a fifth evaluation for its wrench
+                for stage in range(5):
+                    front, rear = rod_motion(
+                        ratio, time_constant, gait[side], gait_rate[side], command[side], cycle_angle[side],
+                        RK4_TIMES[stage] * dt,
                     )
-                    _fin(constants, links, tips, side, rods, twist, acceleration, current, q, q_rate, q_acceleration)
-                    _collect(q_sum, rate_sum, q_rate, q_acceleration, 1.0 if stage == 0 or stage == 3 else 2.0)
-                    if stage < 3:
-                        ahead = 0.5 * dt * (stage // 2 + 1)
-                        for j in range(shape[0]):
-                            for k in range(shape[1]):
-                                q[j, k] = base_q[j, k] + ahead * q_rate[j, k]
-                                q_rate[j, k] = base_rate[j, k] + ahead * q_acceleration[j, k]
-                for j in range(shape[0]):
-                    for k in range(shape[1]):
-                        base_q[j, k] += dt / 6.0 * q_sum[j, k]
-                        base_rate[j, k] += dt / 6.0 * rate_sum[j, k]
-                bad_chain = _first_bad_joint(base_q, base_rate, constants.chains)
+                    support = _support(constants.rods, side, front, rear, twist, acceleration)
+                    a, a_slope = accelerate(
+                        fin, support, rotate_back(support[0], _polar(current, side)),
+                        q, q_rate, q_acceleration, c, s, w, y, z, y_rate, z_rate, torque, slope, drag,
+                        h_y, h_z, d_inverse, q_bias, g_y, g_z, m_yy, m_yz, m_zz, p_y, p_z, first, second, third,
+                    )
+                    if stage < 4:
+                        _next_stage(
+                            q, q_rate, q_acceleration, base_q, base_rate, sum_q, sum_rate,
+                            RK4_WEIGHTS[stage] * dt, RK4_AHEAD[stage] * dt,
+                        )
+                    if stage == 3:
+                        _copy(sum_q, q)
+                        _copy(sum_rate, q_rate)
+                _copy(q, base_q)
+                _copy(q_rate, base_rate)
+                bad_chain = _first_bad_chain(q, q_rate, fin.chains)
                 if bad_chain >= 0:
                     return step, FIN_FAILED, side, bad_chain
-                # 2. its wrench at the end of the step
-                rods = rod_motion(
-                    ratio, constants.time_constant, gait[side], gait_rate[side], command[side], cycle_angle[side], dt,
+                force_0, moment_0 = root_wrench(
+                    fin, c, s, w, y, z, y_rate, z_rate, torque, slope, drag,
+                    m_yy, m_yz, m_zz, p_y, p_z, support[3], a, a_slope, support[5],
                 )
-                evaluated = _fin(
-                    constants, links, tips, side, rods, twist, acceleration, current, base_q, base_rate, q_acceleration)
-                force, moment = _wrench(constants, links, tips, side, evaluated)
+                force, moment = wrench_on_body(support, force_0, moment_0)
+                force, moment = _polar(force, side), _axial(moment, side)
+                total_force, total_moment = add(total_force, force), add(total_moment, moment)
                 for axis in range(3):
                     fin_wrenches[side, axis], fin_wrenches[side, 3 + axis] = force[axis], moment[axis]
-                rod_angles[side, 0], rod_angles[side, 1] = rods[0][0], rods[1][0]
+                rod_angles[side, 0], rod_angles[side, 1] = front[0], rear[0]
                 cycle_angle[side] = advance_gait(
-                    gait[side], gait_rate[side], command[side], cycle_angle[side], constants.time_constant, dt)
-            # 3. the body: forward Euler
-            if not constants.fixed_base:
-                total = fin_wrenches[0] + fin_wrenches[1]
-                velocity, omega = _triple(twist, 0), _triple(twist, 3)
-                linear, angular = body_acceleration(
-                    constants.body, rotation, velocity, omega, current, _triple(total, 0), _triple(total, 3))
-                moved = rotate(rotation, velocity)
-                turn(orientation, omega, dt)
-                sound = True
-                for axis in range(3):
-                    position[axis] += dt * moved[axis]
-                    acceleration[axis], acceleration[3 + axis] = linear[axis], angular[axis]
-                    twist[axis] += dt * linear[axis]
-                    twist[3 + axis] += dt * angular[axis]
-                    sound = sound and isfinite(twist[axis]) and isfinite(twist[3 + axis]) and isfinite(position[axis])
-                if not sound:
-                    return step, BODY_FAILED, 0, 0
+                    gait[side], gait_rate[side], command[side], cycle_angle[side], time_constant, dt)
+            # 3. the body
+            if not constants.fixed_base and not _step_body(
+                constants, motion, rotation, current, total_force, total_moment,
+            ):
+                return step, BODY_FAILED, 0, 0
         return steps, 0, 0, 0
 
     return advance
@@ -265,20 +273,28 @@ def _build_advance(digest: str) -> Callable[..., Any]:
 def _build_evaluate(digest: str) -> Callable[..., Any]:
     @entry_kernel
     def evaluate(
-        constants: Constants, side: int, rods: np.ndarray, q: np.ndarray, q_rate: np.ndarray, twist: np.ndarray,
-        acceleration: np.ndarray, wrench: np.ndarray,
-    ) -> np.ndarray:
-        """Return joint accelerations (links, row) of one fin in still water, and fill its wrench on the body (6,)."""
+        constants: Constants, side: int, rods: np.ndarray, q: np.ndarray, q_rate: np.ndarray,
+        twist: np.ndarray, acceleration: np.ndarray,
+    ) -> tuple[np.ndarray, Vector, Vector]:
+        """Return joint accelerations (links, row), force and moment on the body of one fin in still water."""
         _ = digest
-        links, tips = working_arrays(q.shape[0], q.shape[1])
+        fin = constants.fin
+        link_arrays, row_arrays = working_arrays(q.shape[0], q.shape[1])
+        c, s, w, y, z, y_rate, z_rate, torque, slope, drag, h_y, h_z, d_inverse, q_bias, g_y, g_z = link_arrays
+        m_yy, m_yz, m_zz, p_y, p_z, first, second, third = row_arrays
         q_acceleration = np.empty(q.shape)
-        front, rear = _triple(rods[0], 0), _triple(rods[1], 0)
-        evaluated = _fin(
-            constants, links, tips, side, (front, rear), twist, acceleration, STILL, q, q_rate, q_acceleration)
-        force, moment = _wrench(constants, links, tips, side, evaluated)
-        for axis in range(3):
-            wrench[axis], wrench[3 + axis] = force[axis], moment[axis]
-        return q_acceleration
+        support = _support(constants.rods, side, _triple(rods[0], 0), _triple(rods[1], 0), twist, acceleration)
+        a, a_slope = accelerate(
+            fin, support, (0.0, 0.0, 0.0),
+            q, q_rate, q_acceleration, c, s, w, y, z, y_rate, z_rate, torque, slope, drag,
+            h_y, h_z, d_inverse, q_bias, g_y, g_z, m_yy, m_yz, m_zz, p_y, p_z, first, second, third,
+        )
+        force_0, moment_0 = root_wrench(
+            fin, c, s, w, y, z, y_rate, z_rate, torque, slope, drag,
+            m_yy, m_yz, m_zz, p_y, p_z, support[3], a, a_slope, support[5],
+        )
+        force, moment = wrench_on_body(support, force_0, moment_0)
+        return q_acceleration, _polar(force, side), _axial(moment, side)
 
     return evaluate
 

@@ -21,9 +21,6 @@ from manta_sim_ros.dynamics.compilation import inlined_kernel, kernel
 from manta_sim_ros.dynamics.geometry import add, cross, rotate, subtract
 from manta_sim_ros.dynamics.parameters import Vector
 
-InertialMotion = tuple[Vector, Vector, Vector, Vector]
-"""Omega_0, the inertial acceleration of A, its derivative along x_0, and Omega_0-dot, in F_0."""
-
 LANES = 16
 """Rows are as long as the next multiple of this many chains, so that no loop has a remainder."""
 
@@ -31,6 +28,8 @@ LANES = 16
 class FinConstants(NamedTuple):
     """What a fin's kernels need of the parameters, per unit chord."""
 
+    chains: int  # n
+    station: np.ndarray  # (row,), s of each chain from A [m]
     chain_spacing: float  # ds [m]
     link_length: float  # dl [m]
     link_mass: float  # rho_f h dl [kg/m]
@@ -60,39 +59,33 @@ class Links(NamedTuple):
     g_z: np.ndarray
 
 
-class Tips(NamedTuple):
-    """Working arrays of one fin, [chain]: what a recursion hands from link to link."""
+class Rows(NamedTuple):
+    """Working arrays of one fin, [chain]: what a recursion hands from link to link.
 
-    c: np.ndarray
-    s: np.ndarray
-    w: np.ndarray
-    y: np.ndarray
-    z: np.ndarray
-    y_rate: np.ndarray
-    z_rate: np.ndarray
-    m_yy: np.ndarray
+    Named by what `reflected_inertia` leaves there for the wrench; the other recursions use them before or leave them.
+    """
+
+    m_yy: np.ndarray  # mass that the support feels [kg/m]
     m_yz: np.ndarray
     m_zz: np.ndarray
-    p_y: np.ndarray
+    p_y: np.ndarray  # force that it must exert when it does not accelerate [N/m]
     p_z: np.ndarray
-    torque: np.ndarray
-    a_y: np.ndarray
-    a_z: np.ndarray
-    angular_acceleration: np.ndarray
+    first: np.ndarray
+    second: np.ndarray
+    third: np.ndarray
 
 
-@inlined_kernel
-def working_arrays(links: int, row: int) -> tuple[Links, Tips]:
-    """Return new `Links` and `Tips` for rows of `row` chains."""
+@kernel
+def working_arrays(links: int, row: int) -> tuple[Links, Rows]:
+    """Return new working arrays for rows of `row` chains."""
     shape = (links, row)
     return Links(
         np.empty(shape), np.empty(shape), np.empty(shape), np.empty(shape), np.empty(shape), np.empty(shape),
         np.empty(shape), np.empty(shape), np.empty(shape), np.empty(shape), np.empty(shape), np.empty(shape),
         np.empty(shape), np.empty(shape), np.empty(shape), np.empty(shape),
-    ), Tips(
+    ), Rows(
         np.empty(row), np.empty(row), np.empty(row), np.empty(row), np.empty(row), np.empty(row), np.empty(row),
-        np.empty(row), np.empty(row), np.empty(row), np.empty(row), np.empty(row), np.empty(row), np.empty(row),
-        np.empty(row), np.empty(row),
+        np.empty(row),
     )
 
 
@@ -264,89 +257,91 @@ def joint_accelerations(
             a_z[k] += dl * (g_z[j, k] + found * c[j, k])
 
 
-@inlined_kernel
+@kernel
 def root_wrench(
-    fin: FinConstants, chains: int, station: np.ndarray, links: Links, tips: Tips, omega: Vector, a: Vector,
-    a_slope: Vector, omega_1: Vector,
+    fin: FinConstants,
+    c: np.ndarray, s: np.ndarray, w: np.ndarray, y: np.ndarray, z: np.ndarray, y_rate: np.ndarray, z_rate: np.ndarray,
+    torque: np.ndarray, slope: np.ndarray, drag: np.ndarray,
+    m_yy: np.ndarray, m_yz: np.ndarray, m_zz: np.ndarray, p_y: np.ndarray, p_z: np.ndarray,
+    omega: Vector, a: Vector, a_slope: Vector, omega_1: Vector,
 ) -> tuple[Vector, Vector]:
-    """Return the wrench of the fin on its support about A, components in F_0, (31) to (33).
+    """Return force and moment of the fin on its support about A, components in F_0, (31) to (33).
 
     `a` is the inertial acceleration of A; `a_slope` its derivative along x_0; after `reflected_inertia`.
     """
-    dl, mass = fin.link_length, fin.link_mass
+    dl, mass, chains, station = fin.link_length, fin.link_mass, fin.chains, fin.station
     wx, wy, wz = omega
     # how the x component of the acceleration of a point at rest in F_0 changes with its y and z
     xy, xz = wx * wy - omega_1[2], wx * wz + omega_1[1]
     fx, fy, fz, mx, my, mz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     for k in range(chains):
-        sk = station[k]
-        ay, az = a[1] + a_slope[1] * sk, a[2] + a_slope[2] * sk
-        root_fy = tips.m_yy[k] * ay + tips.m_yz[k] * az + tips.p_y[k]
-        root_fz = tips.m_yz[k] * ay + tips.m_zz[k] * az + tips.p_z[k]
+        ay, az = a[1] + a_slope[1] * station[k], a[2] + a_slope[2] * station[k]
+        root_fy = m_yy[k] * ay + m_yz[k] * az + p_y[k]
+        root_fz = m_yz[k] * ay + m_zz[k] * az + p_z[k]
         fy -= root_fy
         fz -= root_fz
-        mx -= links.torque[0, k]
-        my += sk * root_fz
-        mz -= sk * root_fy
-    for j in range(links.c.shape[0]):
+        mx -= torque[0, k]
+        my += station[k] * root_fz
+        mz -= station[k] * root_fy
+    for j in range(c.shape[0]):
         for k in range(chains):
-            cj, sj, y, z = links.c[j, k], links.s[j, k], links.y[j, k], links.z[j, k]
-            ax = a[0] + a_slope[0] * station[k] + xy * y + xz * z
-            ax += 2.0 * (wy * links.z_rate[j, k] - wz * links.y_rate[j, k])
-            gx = xy * cj + xz * sj + 2.0 * links.w[j, k] * (wy * cj + wz * sj)
-            force = mass * ax - links.drag[j, k] * links.slope[j, k]
+            ax = a[0] + a_slope[0] * station[k] + xy * y[j, k] + xz * z[j, k]
+            ax += 2.0 * (wy * z_rate[j, k] - wz * y_rate[j, k])
+            gx = xy * c[j, k] + xz * s[j, k] + 2.0 * w[j, k] * (wy * c[j, k] + wz * s[j, k])
+            force = mass * ax - drag[j, k] * slope[j, k]
             fx -= force
-            my -= z * force + mass * dl * dl / 12.0 * sj * gx
-            mz += y * force + mass * dl * dl / 12.0 * cj * gx
+            my -= z[j, k] * force + mass * dl * dl / 12.0 * s[j, k] * gx
+            mz += y[j, k] * force + mass * dl * dl / 12.0 * c[j, k] * gx
     ds = fin.chain_spacing
     return (ds * fx, ds * fy, ds * fz), (ds * mx, ds * my, ds * mz)
 
 
+@kernel
+def support_acceleration(support: SupportMotion) -> tuple[Vector, Vector]:
+    """Return the inertial acceleration of A, and how it changes along x_0, components in F_0."""
+    _, _, velocity, omega, velocity_1, omega_1 = support
+    along = (1.0, 0.0, 0.0)
+    return add(velocity_1, cross(omega, velocity)), add(cross(omega_1, along), cross(omega, cross(omega, along)))
+
+
 @inlined_kernel
 def accelerate(
-    fin: FinConstants, chains: int, station: np.ndarray, links: Links, tips: Tips, q: np.ndarray,
-    q_rate: np.ndarray, q_acceleration: np.ndarray, support: SupportMotion, water_velocity: Vector,
-) -> InertialMotion:
-    """Fill `q_acceleration` [rad/s^2] of one fin from `q`, `q_rate`, all [link, chain], and return what a wrench needs.
+    fin: FinConstants, support: SupportMotion, water_velocity: Vector,
+    q: np.ndarray, q_rate: np.ndarray, q_acceleration: np.ndarray,
+    c: np.ndarray, s: np.ndarray, w: np.ndarray, y: np.ndarray, z: np.ndarray, y_rate: np.ndarray, z_rate: np.ndarray,
+    torque: np.ndarray, slope: np.ndarray, drag: np.ndarray, h_y: np.ndarray, h_z: np.ndarray, d_inverse: np.ndarray,
+    q_bias: np.ndarray, g_y: np.ndarray, g_z: np.ndarray,
+    m_yy: np.ndarray, m_yz: np.ndarray, m_zz: np.ndarray, p_y: np.ndarray, p_z: np.ndarray,
+    first: np.ndarray, second: np.ndarray, third: np.ndarray,
+) -> tuple[Vector, Vector]:
+    """Fill `q_acceleration` [rad/s^2] of one fin from `q`, `q_rate`, all [link, chain]; return support_acceleration.
 
-    `support` is what `support_motion` returns, `water_velocity` the water's, components in F_0. Returns Omega_0, the
-    inertial acceleration of A, its derivative along x_0, and Omega_0-dot.
+    `water_velocity` is the water's, components in F_0; then the fields of `Links` and `Rows`, one by one: to take an
+    array out of a tuple costs a count of its users, and so many in each evaluation as much as the arithmetic.
     """
-    _, _, velocity, omega, velocity_1, omega_1 = support
-    a = add(velocity_1, cross(omega, velocity))
-    along = (1.0, 0.0, 0.0)
-    a_slope = add(cross(omega_1, along), cross(omega, cross(omega, along)))
-    dl, ds = fin.link_length, fin.chain_spacing
+    dl, station = fin.link_length, fin.station
+    omega, omega_1 = support[3], support[5]
+    a, a_slope = support_acceleration(support)
     link_motion(
-        q, q_rate, links.c, links.s, links.w, links.y, links.z, links.y_rate, links.z_rate, links.torque,
-        tips.c, tips.s, tips.w, tips.y, tips.z, tips.y_rate, tips.z_rate, dl, fin.stiffness, fin.damping,
+        q, q_rate, c, s, w, y, z, y_rate, z_rate, torque, m_yy, m_yz, m_zz, p_y, p_z, first, second,
+        dl, fin.stiffness, fin.damping,
     )
-    surface_slopes(links.c, links.s, links.y, links.z, links.slope, chains, ds)
+    surface_slopes(c, s, y, z, slope, fin.chains, fin.chain_spacing)
     reflected_inertia(
-        links.c, links.s, links.w, links.y, links.z, links.y_rate, links.z_rate, links.torque, links.slope, links.drag,
-        links.h_y, links.h_z, links.d_inverse, links.q_bias, links.g_y, links.g_z,
-        tips.m_yy, tips.m_yz, tips.m_zz, tips.p_y, tips.p_z, tips.torque, station,
-        subtract(velocity, water_velocity), omega, omega_1[0], dl, fin.link_mass, fin.drag,
+        c, s, w, y, z, y_rate, z_rate, torque, slope, drag, h_y, h_z, d_inverse, q_bias, g_y, g_z,
+        m_yy, m_yz, m_zz, p_y, p_z, first, station, subtract(support[2], water_velocity), omega, omega_1[0],
+        dl, fin.link_mass, fin.drag,
     )
     joint_accelerations(
-        links.c, links.s, links.h_y, links.h_z, links.d_inverse, links.q_bias, links.g_y, links.g_z,
-        tips.a_y, tips.a_z, tips.angular_acceleration, station, q_acceleration,
+        c, s, h_y, h_z, d_inverse, q_bias, g_y, g_z, first, second, third, station, q_acceleration,
         (a[1], a[2]), (a_slope[1], a_slope[2]), dl,
     )
-    return omega, a, a_slope, omega_1
+    return a, a_slope
 
 
-@inlined_kernel
-def wrench_on_body(
-    fin: FinConstants, chains: int, station: np.ndarray, links: Links, tips: Tips, support: SupportMotion,
-    inertial: InertialMotion,
-) -> tuple[Vector, Vector]:
-    """Return force and moment of the fin on the body about its centre of mass, components in F_b, (33).
-
-    `inertial` is what `accelerate` returned, for the same working arrays.
-    """
-    omega, a, a_slope, omega_1 = inertial
-    force_0, moment_0 = root_wrench(fin, chains, station, links, tips, omega, a, a_slope, omega_1)
+@kernel
+def wrench_on_body(support: SupportMotion, force_0: Vector, moment_0: Vector) -> tuple[Vector, Vector]:
+    """Return force and moment about the centre of mass, components in F_b, of a wrench about A in F_0, (33)."""
     rotation, position = support[0], support[1]
     force = rotate(rotation, force_0)
     return force, add(rotate(rotation, moment_0), cross(position, force))

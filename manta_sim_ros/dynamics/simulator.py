@@ -251,13 +251,12 @@ def fin_dynamics(
             f'rod_motion sets the rod ends {apart:g} m apart in the y-z plane, but the support closes only below '
             f'rods.support_length, {rods.support_length:g} m'
         )
-    wrench = np.empty(6)
     with announced_compilation():
-        accelerations = coupling.evaluate_kernel(
+        accelerations, force, moment = coupling.evaluate_kernel(
             coupling.constants(parameters), side, rod_motion, coupling.padded(wrapped), coupling.padded(rates),
-            twist, acceleration, wrench,
+            twist, acceleration,
         )
-    return coupling.unpadded(accelerations, fin.chains), wrench
+    return coupling.unpadded(accelerations, fin.chains), np.array(force + moment)
 
 
 def _finite_array(name: str, values: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
