@@ -94,10 +94,9 @@ def constants(parameters: Parameters) -> Constants:
 
 def padded(chains_by_links: np.ndarray) -> np.ndarray:
     """Return (..., chains, links) as (..., links, row): link-major, the rest of a row repeating the last chain."""
-    by_links = np.swapaxes(chains_by_links, -1, -2)
-    chains = by_links.shape[-1]
-    widths = [(0, 0)] * (by_links.ndim - 1) + [(0, row_length(chains) - chains)]
-    return np.ascontiguousarray(np.pad(by_links, widths, mode='edge'))
+    chains = chains_by_links.shape[-2]
+    column = np.minimum(np.arange(row_length(chains)), chains - 1)
+    return np.ascontiguousarray(np.swapaxes(chains_by_links, -1, -2)[..., column])
 
 
 def unpadded(rows: np.ndarray, chains: int) -> np.ndarray:

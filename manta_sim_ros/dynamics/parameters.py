@@ -76,7 +76,7 @@ def checked(name: str, value: Any, known: Quantity) -> Any:
     if known.kind is tuple:
         parts = value.tolist() if hasattr(value, 'tolist') else value
         if isinstance(parts, str) or not isinstance(parts, Sequence) or len(parts) != 3:
-            raise ValueError(f'{name} is {value!r}, but must be a list of 3 numbers {known.unit}'.rstrip())
+            raise ValueError(f'{name} is {parts!r}, but must be a list of 3 numbers {known.unit}'.rstrip())
         return tuple(_number(f'{name}[{axis}]', part, float, known) for axis, part in enumerate(parts))
     return _number(name, value, known.kind, known)
 

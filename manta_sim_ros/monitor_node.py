@@ -1,0 +1,83 @@
+"""The node `manta_monitor`: prints one line a second about the robot, from the topic `odom` alone."""
+
+from __future__ import annotations
+
+import math
+import time
+
+from nav_msgs.msg import Odometry
+from rcl_interfaces.msg import FloatingPointRange, ParameterDescriptor
+from rclpy.clock import Clock
+from rclpy.clock_type import ClockType
+from rclpy.node import Node
+
+from manta_sim_ros.process import run_node
+
+QUEUE_DEPTH = 10
+LINE_PERIOD = 1.0
+HEADINGS = '    time   speed  heading   depth  real-time\n       s     m/s      deg       m     factor'
+
+
+def yaw(x: float, y: float, z: float, w: float) -> float:
+    """Return the heading of a unit quaternion [rad]: 0 along the world's x, positive to the left."""
+    return math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
+
+
+def seconds(message: Odometry) -> float:
+    """Return the stamp [s]."""
+    return message.header.stamp.sec + 1e-9 * message.header.stamp.nanosec
+
+
+class MonitorNode(Node):
+    """Prints time, mean forward speed of the last second, heading, depth and the real-time factor.
+
+    Raises
+    ------
+    ValueError
+        A parameter is bad.
+
+    """
+
+    def __init__(self) -> None:
+        super().__init__('manta_monitor')
+        self._duration: float = self.declare_parameter('duration', 0.0, ParameterDescriptor(
+            description='elapsed time after the first message at which the node ends [s]; 0 never', read_only=True,
+            floating_point_range=[FloatingPointRange(from_value=0.0, to_value=1e9)],
+        )).value
+        self._speeds: list[float] = []
+        self._latest: Odometry | None = None
+        self._began = math.nan
+        self._line_before = math.nan, math.nan  # elapsed and simulated time [s]
+        self.create_subscription(Odometry, 'odom', self._take, QUEUE_DEPTH)
+        self._timer = self.create_timer(LINE_PERIOD, self._print, clock=Clock(clock_type=ClockType.STEADY_TIME))
+
+    def _take(self, message: Odometry) -> None:
+        if self._latest is None:
+            print(HEADINGS, flush=True)
+            self._began = time.monotonic()
+            self._line_before = self._began, seconds(message)
+            self._timer.reset()
+        self._latest = message
+        self._speeds.append(message.twist.twist.linear.x)
+
+    def _print(self) -> None:
+        now = time.monotonic()
+        if self._latest is None:
+            print(f'waiting for {self.resolve_topic_name("odom")}', flush=True)
+            return
+        position, orientation = self._latest.pose.pose.position, self._latest.pose.pose.orientation
+        elapsed_before, simulated_before = self._line_before
+        simulated = seconds(self._latest)
+        speed = sum(self._speeds) / len(self._speeds) if self._speeds else math.nan
+        heading = math.degrees(yaw(orientation.x, orientation.y, orientation.z, orientation.w))
+        factor = (simulated - simulated_before) / (now - elapsed_before)
+        print(f'{simulated:8.2f} {speed:7.3f} {heading:8.1f} {0.0 - position.z:7.3f} {factor:10.2f}', flush=True)
+        self._speeds.clear()
+        self._line_before = now, simulated
+        if self._duration > 0.0 and now - self._began >= self._duration - 0.5 * LINE_PERIOD:
+            raise KeyboardInterrupt  # as if it had been pressed
+
+
+def main(args: list[str] | None = None) -> None:
+    """Run the node until it is interrupted, or for its duration."""
+    run_node(MonitorNode, lambda node: None, args)

@@ -1,0 +1,169 @@
+"""The parameters of the model and of the node as ROS 2 parameters: declared from their one home, checked by it."""
+
+from __future__ import annotations
+
+import dataclasses
+import difflib
+from collections.abc import Iterable, Iterator
+from typing import Any
+
+from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+
+from manta_sim_ros.dynamics.parameters import GROUPS, Group, Parameters, Quantity, quantities, quantity
+
+OTHERS = ('use_sim_time', 'start_type_description_service', 'qos_overrides.')
+"""What else a node may be started with: parameters of rclpy's."""
+
+
+@dataclasses.dataclass(frozen=True)
+class NodeParameters(Group):
+    """The node's own parameters."""
+
+    publish_rate: float = quantity(
+        100.0, 'Hz', 0.1, 1000.0, 'rate of all outputs in simulated time, at most one a time step', 'chosen',
+    )
+    real_time_factor: float = quantity(
+        1.0, '', 0.0, 1000.0, 'simulated time over elapsed time; 0 runs as fast as it can', 'chosen',
+    )
+    publish_clock: bool = quantity(
+        True, '', 0, 1, "publish /clock and stamp with simulated time; else stamp with the node's own clock", 'chosen',
+    )
+    odom_frame: str = quantity('odom', '', 0, 0, 'name of the world frame', 'REP 105')
+    base_frame: str = quantity('base_link', '', 0, 0, 'name of the body frame', 'REP 105')
+
+    def __post_init__(self) -> None:
+        """Check each field, then that the frames are different names that tf2 takes."""
+        super().__post_init__()
+        for name in ('odom_frame', 'base_frame'):
+            frame = getattr(self, name)
+            if frame.startswith('/') or frame != ''.join(frame.split()):
+                raise ValueError(f'{name} is {frame!r}, but must be a name without a leading / and without blanks')
+        if self.odom_frame == self.base_frame:
+            raise ValueError(f'base_frame is {self.base_frame!r}, but must differ from odom_frame')
+
+
+LIVE = frozenset({
+    'water.density', 'water.current',
+    'body.drag_area', 'body.drag_coefficient', 'body.angular_damping',
+    'fin.youngs_modulus', 'fin.joint_damping', 'fin.drag_coefficient',
+    'publish_rate', 'real_time_factor',
+})
+"""What may be set while the node runs; the rest is read-only."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Settings:
+    """All parameters of the node.
+
+    Raises
+    ------
+    ValueError
+        The publish rate asks for more than one output a time step.
+
+    """
+
+    model: Parameters = Parameters()
+    node: NodeParameters = NodeParameters()
+
+    def __post_init__(self) -> None:
+        """Check what concerns both."""
+        highest = 1.0 / self.model.solver.time_step
+        if self.node.publish_rate > highest * (1.0 + 1e-9):
+            raise ValueError(
+                f'publish_rate is {self.node.publish_rate:g} Hz, but must be at most {highest:g} Hz, '
+                'one output each solver.time_step'
+            )
+
+    def value(self, full_name: str) -> Any:
+        """Return the value of a parameter by its full name, such as `fin.span`."""
+        group, _, name = full_name.rpartition('.')
+        return getattr(getattr(self.model, group) if group else self.node, name)
+
+    def replaced(self, values: Iterable[tuple[str, Any]]) -> Settings:
+        """Return settings with other values, given by full names such as `fin.span`.
+
+        Raises
+        ------
+        ValueError
+            A value is bad; names it and the bound.
+
+        """
+        groups: dict[str, dict[str, Any]] = {}
+        for full_name, value in values:
+            group, _, name = full_name.rpartition('.')
+            groups.setdefault(group, {})[name] = value
+        own = dataclasses.replace(self.node, **groups.pop('', {}))
+        changed = {group: dataclasses.replace(getattr(self.model, group), **new) for group, new in groups.items()}
+        return Settings(model=dataclasses.replace(self.model, **changed), node=own)
+
+
+def all_quantities() -> Iterator[tuple[str, Any, Quantity]]:
+    """Yield full name, default and `Quantity` of every parameter of the node."""
+    for group_name, group in GROUPS.items():
+        for name, known in quantities(group):
+            yield f'{group_name}.{name}', getattr(group(), name), known
+    for name, known in quantities(NodeParameters):
+        yield name, getattr(NodeParameters(), name), known
+
+
+def declare(node: Node) -> Settings:
+    """Declare every parameter of the simulator on `node` and return the settings that it was started with.
+
+    `node` must have been made with `automatically_declare_parameters_from_overrides`: what it was started with is
+    checked here first, whole numbers are taken where decimal ones are wanted, and unknown names are warned of.
+
+    Raises
+    ------
+    ValueError
+        A value that the node was started with is bad; names it and the bound.
+
+    """
+    known = {name: about for name, _, about in all_quantities()}
+    given = {name: parameter.value for name, parameter in node.get_parameters_by_prefix('').items()}
+    for name in given:
+        if name in known:
+            node.undeclare_parameter(name)
+        elif not name.startswith(OTHERS):
+            near = difflib.get_close_matches(name, known, n=1)
+            node.get_logger().warning(
+                f'{name} is no parameter of this node and is left out{f"; is {near[0]} meant?" if near else ""}')
+    settings = Settings().replaced((name, value) for name, value in given.items() if name in known)
+    for name, about in known.items():
+        value = settings.value(name)
+        node.declare_parameter(
+            name, list(value) if isinstance(value, tuple) else value, descriptor(name, about), ignore_override=True)
+    return settings
+
+
+def descriptor(name: str, known: Quantity) -> ParameterDescriptor:
+    """Return description, unit, bounds and whether it is read-only, as ROS 2 wants them."""
+    unit = f' [{known.unit}]' if known.unit else ''
+    described = ParameterDescriptor(
+        description=f'{known.description}{unit} ({known.source})', read_only=name not in LIVE,
+    )
+    if known.kind is float:
+        described.floating_point_range = [FloatingPointRange(from_value=float(known.low), to_value=float(known.high))]
+    elif known.kind is int:
+        described.integer_range = [IntegerRange(from_value=int(known.low), to_value=int(known.high), step=1)]
+    elif known.kind is tuple:
+        described.additional_constraints = f'3 numbers, each {_bounds(known)}'
+    return described
+
+
+def set_values(settings: Settings, parameters: Iterable[Parameter[Any]]) -> Settings:
+    """Return the settings after `ros2 param set` of these; parameters that are not the simulator's are left out.
+
+    Raises
+    ------
+    ValueError
+        A value is bad; names it and the bound.
+
+    """
+    known = {name for name, _, _ in all_quantities()}
+    return settings.replaced((parameter.name, parameter.value) for parameter in parameters if parameter.name in known)
+
+
+def _bounds(known: Quantity) -> str:
+    return f'from {known.low:g} to {known.high:g} {known.unit}'.rstrip()

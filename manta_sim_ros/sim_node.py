@@ -1,0 +1,164 @@
+"""The node `manta_sim`: takes fin commands, steps the dynamics on a timer, publishes its state and the clock."""
+
+from __future__ import annotations
+
+import dataclasses
+import time
+from typing import Any
+
+from geometry_msgs.msg import PoseStamped, TwistStamped, WrenchStamped
+from nav_msgs.msg import Odometry
+from rcl_interfaces.msg import SetParametersResult
+from rclpy.clock import Clock as RosClock
+from rclpy.clock_type import ClockType
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from rclpy.timer import Timer
+from rosgraph_msgs.msg import Clock
+from std_msgs.msg import Float64MultiArray
+
+from manta_sim_ros import messages
+from manta_sim_ros.dynamics import DivergenceError, Simulator, State
+from manta_sim_ros.dynamics.simulator import prepare
+from manta_sim_ros.parameters_ros import Settings, declare, set_values
+from manta_sim_ros.process import run_node
+
+QUEUE_DEPTH = 10
+REFUSAL_WARNING_PERIOD = 1.0
+PACE_WINDOW = 1.0
+PACE_WARNING_PERIOD = 5.0
+PACE_TOLERANCE = 0.95
+CLOCK_WARNING_PERIOD = 10.0
+
+
+class SimNode(Node):
+    """The simulated robot as a node. It owns simulated time: outputs of one state, then the clock that announces them.
+
+    Raises
+    ------
+    ValueError
+        A parameter that it was started with is bad.
+
+    """
+
+    def __init__(self) -> None:
+        super().__init__('manta_sim', automatically_declare_parameters_from_overrides=True)
+        self._settings: Settings = declare(self)
+        self._simulator = Simulator(self._settings.model)
+        self._refusals = 0
+        self._steps_due = 0.0
+        self._timer: Timer | None = None
+        self._steady_clock = RosClock(clock_type=ClockType.STEADY_TIME)
+
+        self._pose = self.create_publisher(PoseStamped, 'pose', QUEUE_DEPTH)
+        self._twist = self.create_publisher(TwistStamped, 'twist', QUEUE_DEPTH)
+        self._odometry = self.create_publisher(Odometry, 'odom', QUEUE_DEPTH)
+        self._wrench = self.create_publisher(WrenchStamped, 'fin_wrench', QUEUE_DEPTH)
+        self._fin_wrenches = [
+            self.create_publisher(WrenchStamped, f'{side}_fin/wrench', QUEUE_DEPTH) for side in ('left', 'right')
+        ]
+        self._clock_publisher = (
+            self.create_publisher(Clock, '/clock', QUEUE_DEPTH) if self._settings.node.publish_clock else None
+        )
+        self.create_subscription(Float64MultiArray, 'fin_command', self._take_command, QUEUE_DEPTH)
+        self.add_on_set_parameters_callback(self._check_parameters)
+        self.add_post_set_parameters_callback(self._apply_parameters)
+
+    def start(self) -> None:
+        """Compile or load the dynamics, and begin to simulate."""
+        prepare(self.get_logger().info)
+        self._set_pace()
+
+    def _set_pace(self) -> None:
+        pace = self._settings.node.publish_rate * self._settings.node.real_time_factor
+        if self._timer is not None:
+            self.destroy_timer(self._timer)
+        self._timer = self.create_timer(1.0 / pace if pace > 0.0 else 0.0, self._tick, clock=self._steady_clock)
+        self._begin_pace_window()
+
+    def _take_command(self, message: Float64MultiArray) -> None:
+        try:
+            left, right = messages.fin_commands(message.data)
+            self._simulator.command(left=left, right=right)
+        except ValueError as error:
+            self._refusals += 1
+            self.get_logger().warning(
+                f'fin_command refused, the gait before goes on ({self._refusals} refused so far): {error}',
+                throttle_duration_sec=REFUSAL_WARNING_PERIOD,
+            )
+
+    def _tick(self) -> None:
+        self._publish(self._advance())
+        self._watch_pace()
+
+    def _advance(self) -> State:
+        time_step = self._settings.model.solver.time_step
+        self._steps_due += 1.0 / (self._settings.node.publish_rate * time_step)
+        steps = round(self._steps_due)
+        self._steps_due -= steps
+        try:
+            return self._simulator.advance(steps * time_step)
+        except DivergenceError as error:
+            before = self._simulator.state
+            self.get_logger().error(
+                f'{error}. The robot is put at rest where it was, its fins flat; command it anew.',
+                throttle_duration_sec=REFUSAL_WARNING_PERIOD,
+            )
+            return self._simulator.reset(dataclasses.replace(
+                State.at_rest(self._settings.model),
+                time=before.time + steps * time_step, position=before.position, orientation=before.orientation,
+            ))
+
+    def _publish(self, state: State) -> None:
+        own = self._settings.node
+        stamp = messages.time_message(state.time) if own.publish_clock else self.get_clock().now().to_msg()
+        self._pose.publish(messages.pose_message(state, stamp, own.odom_frame))
+        self._twist.publish(messages.twist_message(state, stamp, own.base_frame))
+        self._odometry.publish(messages.odometry_message(state, stamp, own.odom_frame, own.base_frame))
+        self._wrench.publish(messages.wrench_message(state.wrench, stamp, own.base_frame))
+        for publisher, wrench in zip(self._fin_wrenches, state.fin_wrenches, strict=True):
+            publisher.publish(messages.wrench_message(wrench, stamp, own.base_frame))
+        if self._clock_publisher is not None:
+            self._clock_publisher.publish(messages.clock_message(stamp))
+
+    def _begin_pace_window(self) -> None:
+        self._window_began = time.monotonic(), self._simulator.state.time
+
+    def _watch_pace(self) -> None:
+        """Once a window, compare simulated time with elapsed time, and look for another clock."""
+        elapsed = time.monotonic() - self._window_began[0]
+        if elapsed < PACE_WINDOW:
+            return
+        reached = (self._simulator.state.time - self._window_began[1]) / elapsed
+        wanted = self._settings.node.real_time_factor
+        if reached < PACE_TOLERANCE * wanted:
+            self.get_logger().warning(
+                f'real-time factor {reached:.2f} instead of {wanted:g}: this machine cannot keep up, simulated time '
+                'is slower',
+                throttle_duration_sec=PACE_WARNING_PERIOD,
+            )
+        if self._clock_publisher is not None and self.count_publishers('/clock') > 1:
+            self.get_logger().warning(
+                'another node publishes /clock too: of several simulators, start all but one with publish_clock false',
+                throttle_duration_sec=CLOCK_WARNING_PERIOD,
+            )
+        self._begin_pace_window()
+
+    def _check_parameters(self, parameters: list[Parameter[Any]]) -> SetParametersResult:
+        try:
+            set_values(self._settings, parameters)
+        except ValueError as error:
+            return SetParametersResult(successful=False, reason=str(error))
+        return SetParametersResult(successful=True)
+
+    def _apply_parameters(self, parameters: list[Parameter[Any]]) -> None:
+        before, self._settings = self._settings, set_values(self._settings, parameters)
+        if self._settings.model != before.model:
+            self._simulator = Simulator(self._settings.model, state=self._simulator.state)
+        if self._settings.node != before.node and self._timer is not None:
+            self._set_pace()
+
+
+def main(args: list[str] | None = None) -> None:
+    """Run the node until it is interrupted."""
+    run_node(SimNode, SimNode.start, args)

@@ -1,0 +1,32 @@
+from glob import glob
+
+from setuptools import find_packages, setup
+
+package_name = 'manta_sim_ros'
+
+setup(
+    name=package_name,
+    version='0.1.0',
+    packages=find_packages(include=[package_name, package_name + '.*']),
+    data_files=[
+        ('share/ament_index/resource_index/packages', ['resource/' + package_name]),
+        ('share/' + package_name, ['package.xml']),
+        ('share/' + package_name + '/config', sorted(glob('config/*.yaml'))),
+        ('share/' + package_name + '/launch', sorted(glob('launch/*.launch.py'))),
+    ],
+    install_requires=['numba', 'numpy', 'PyYAML', 'setuptools'],
+    extras_require={'test': ['pytest', 'scipy']},
+    zip_safe=False,  # Numba keeps compiled kernels beside the modules.
+    python_requires='>=3.10',
+    maintainer='manta_sim_ros maintainers',
+    maintainer_email='maintainers@example.org',
+    description='Simulator of a robotic manta ray with flexible pectoral fins: a Python library and a ROS 2 node.',
+    license='Apache-2.0',
+    entry_points={
+        'console_scripts': [
+            'gait_node = manta_sim_ros.gait_node:main',
+            'monitor_node = manta_sim_ros.monitor_node:main',
+            'sim_node = manta_sim_ros.sim_node:main',
+        ],
+    },
+)
