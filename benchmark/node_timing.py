@@ -26,8 +26,8 @@ def node_figures(starts: int, seconds: float) -> dict[str, float]:
     A start lasts from the birth of the process to its first `pose`; the first one finds no compiled kernels. The
     processor share is that of one core.
     """
-    domain = os.environ.get('ROS_DOMAIN_ID', '0')
-    with tempfile.TemporaryDirectory() as kernels, rclpy.init(domain_id=int(domain)):
+    rclpy.init()
+    with tempfile.TemporaryDirectory() as kernels:
         watch = rclpy.create_node('node_timing')
         seen: list[PoseStamped] = []
         watch.create_subscription(PoseStamped, 'pose', seen.append, 10)
@@ -52,7 +52,7 @@ def node_figures(starts: int, seconds: float) -> dict[str, float]:
                     before, began = _processor_time(process.pid), time.monotonic()
                     time.sleep(seconds)
                     share = (_processor_time(process.pid) - before) / (time.monotonic() - began)
-        watch.destroy_node()
+    rclpy.shutdown()
     return {'first start [s]': taken[0], 'warm start [s]': sorted(taken[1:])[starts // 2], 'processor share': share}
 
 

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import os
 import signal
 import sys
 from collections.abc import Callable
+from types import FrameType
 from typing import TypeVar
 
 import rclpy
@@ -20,15 +22,26 @@ def run_node(make: Callable[[], NodeType], start: Callable[[NodeType], None], ar
 
     Ends the process with status 1 and one line on standard error when ROS 2 arguments or a parameter are bad.
     """
-    # SIGTERM ends whatever Python is doing at the moment, a first compilation included, as Ctrl-C does
-    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    spinning = False
+
+    def interrupt(signum: int, frame: FrameType | None) -> None:
+        if not spinning:  # maybe in the middle of a compilation, which an exception does not get out of
+            os._exit(0)
+        raise KeyboardInterrupt
+
+    for ending in (signal.SIGINT, signal.SIGTERM):  # rclpy's own handlers call these
+        signal.signal(ending, interrupt)
     try:
-        with _or_exit(lambda: rclpy.init(args=args)):
-            node = _or_exit(make)
-            start(node)
-            rclpy.spin(node)
+        _or_exit(lambda: rclpy.init(args=args))
+        node = _or_exit(make)
+        start(node)
+        spinning = True
+        rclpy.spin(node)
     except (KeyboardInterrupt, ExternalShutdownException):
         pass
+    finally:
+        spinning = False  # a second Ctrl-C must not interrupt the first
+        rclpy.try_shutdown()
 
 
 def _or_exit(begin: Callable[[], Started]) -> Started:
