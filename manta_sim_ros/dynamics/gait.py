@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from manta_sim_ros.dynamics.compilation import entry_kernel, kernel, source_digest
+from manta_sim_ros.dynamics.compilation import announced_compilation, entry_kernel, kernel, source_digest
 from manta_sim_ros.dynamics.parameters import Group, Rods, Vector, quantity
 
 SIDES = ('left', 'right')
@@ -100,7 +100,8 @@ def check_transition(rods: Rods, side: int, value: np.ndarray, rate: np.ndarray,
     if rods.command_time_constant == 0.0:
         return
     ratio = rods.rear_radius / rods.front_radius
-    largest = _transition_kernel(ratio, rods.command_time_constant, value, rate, command.as_array())
+    with announced_compilation():
+        largest = _transition_kernel(ratio, rods.command_time_constant, value, rate, command.as_array())
     bound = closure_angle(rods)
     if not largest < bound:
         apart = f'{largest:.4g} rad' if math.isfinite(largest) else 'further than the front rod can follow'

@@ -102,8 +102,7 @@ class Simulator:
             if not isinstance(command, FinCommand):
                 raise ValueError(f'the {SIDES[side]} command is {command!r}, but must be a FinCommand')
             check_gait(rods, side, command)
-            with announced_compilation():
-                check_transition(rods, side, gait[side], rates[side], command)
+            check_transition(rods, side, gait[side], rates[side], command)
         commands = np.array([left.as_array(), right.as_array()])
         if rods.command_time_constant == 0.0:
             gait, rates = commands, np.zeros_like(rates)
@@ -167,7 +166,7 @@ class Simulator:
         if not (math.isfinite(duration) and duration >= 0.0):
             raise ValueError(f'duration is {duration!r} s, but must be finite and at least 0')
         steps = round(duration / time_step)
-        if abs(duration / time_step - steps) > WHOLE_STEPS_TOLERANCE * max(1.0, steps * 1e-3):
+        if abs(duration / time_step - steps) > WHOLE_STEPS_TOLERANCE:
             raise ValueError(
                 f'duration is {duration!r} s, but must be a whole number of steps of solver.time_step, '
                 f'{time_step!r} s; the nearest is {steps * time_step!r} s'
