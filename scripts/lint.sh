@@ -1,0 +1,34 @@
+#!/usr/bin/env bash
+# Check the sources: package.xml, ruff, mypy. Runs all, exit status 1 if any complains.
+cd "$(dirname "${BASH_SOURCE[0]}")/.." || exit
+unset PYTHONPATH  # the sources are checked, not the installed copy
+failed=()
+
+check_package_xml() {
+  if command -v xmllint >/dev/null; then
+    xmllint --noout package.xml || return
+  else
+    echo 'xmllint is not installed: parsed by catkin_pkg alone'
+  fi
+  python - <<'PYTHON'
+from catkin_pkg.package import parse_package
+
+warnings = []
+parse_package('package.xml', warnings=warnings)
+print('\n'.join(warnings) or 'package.xml is valid')
+raise SystemExit(bool(warnings))
+PYTHON
+}
+
+echo '== package.xml'
+check_package_xml || failed+=(package.xml)
+echo '== ruff'
+ruff check . || failed+=(ruff)
+echo '== mypy'
+mypy manta_sim_ros || failed+=(mypy)
+
+if [ ${#failed[@]} -gt 0 ]; then
+  echo "lint: failed: ${failed[*]}"
+  exit 1
+fi
+echo 'lint: passed'

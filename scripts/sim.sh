@@ -1,0 +1,62 @@
+#!/usr/bin/env bash
+# Run the built sim_node, gait_node and monitor_node as separate processes until Ctrl-C, SIGTERM or the end of DURATION.
+#
+# Needs a sourced environment: scripts/setup.sh -- scripts/sim.sh does that. Exit status 0, or 1 if a node failed.
+set -um  # with job control each node has its own process group: Ctrl-C reaches this script alone, which ends the nodes
+
+say() { printf '%s\n' "manta_sim_ros: $*"; }
+fail() { stop; say "$*" >&2; exit 1; }
+
+# End what still runs: SIGTERM to each node, once a second, and SIGKILL to one that is still there after ten. (rclpy
+# loses a signal that comes while it starts.)
+stop() {
+  local running tenth
+  trap '' INT TERM HUP
+  exec 3>&2 2>/dev/null  # no notices of the shell about ended jobs
+  for tenth in {1..100}; do
+    running=$(jobs -pr)
+    [ -n "$running" ] || break
+    ((tenth % 10 != 1)) || kill -TERM $running
+    sleep 0.1
+  done
+  running=$(jobs -pr)
+  [ -z "$running" ] || { say "not ended by SIGTERM, killed:" $running >&3; kill -KILL $running; }
+  wait
+  exec 2>&3 3>&-
+}
+
+prefix=${COLCON_PREFIX_PATH:?source .venv/env.sh first}
+prefix=${prefix%%:*}/manta_sim_ros
+programs=$prefix/lib/manta_sim_ros
+
+monitor_arguments=(-p use_sim_time:=true)
+if [ -n "${DURATION:-}" ]; then
+  [[ $DURATION =~ ^[0-9]+(\.[0-9]+)?$ ]] || fail "DURATION=$DURATION is no number of seconds"
+  [[ $DURATION == *.* ]] || DURATION+=.0
+  monitor_arguments+=(-p "duration:=$DURATION")
+fi
+
+say "ROS_DOMAIN_ID=${ROS_DOMAIN_ID:-0} (export it in another terminal to look on or to steer), Ctrl-C ends it"
+trap 'stop; exit 0' INT TERM HUP
+"$programs/sim_node" --ros-args --params-file "$prefix/share/manta_sim_ros/config/manta.yaml" &
+sim=$!
+"$programs/gait_node" --ros-args -p use_sim_time:=true &
+gait=$!
+"$programs/monitor_node" --ros-args "${monitor_arguments[@]}" &
+monitor=$!
+
+running() { kill -0 "$1" 2>/dev/null; }
+watched=("$sim" "$gait" "$monitor")
+while :; do
+  wait -n "${watched[@]}"
+  running "$sim" || { wait "$sim"; fail "sim_node ended early with exit status $?"; }
+  if ! running "$monitor"; then
+    wait "$monitor" || fail "monitor_node ended with exit status $?"
+    stop
+    exit 0
+  fi
+  if ! running "$gait"; then  # it may have come to the end of its list
+    wait "$gait" || fail "gait_node ended with exit status $?"
+    watched=("$sim" "$monitor")
+  fi
+done
