@@ -65,7 +65,8 @@ class Simulator:
 
         """
         if state is None:
-            state = State.at_rest(self._parameters)
+            self._state = State.at_rest(self._parameters)
+            return self._state
         fin = self._parameters.fin
         expected = (2, fin.chains, fin.links)
         if state.joint_angles.shape != expected:
