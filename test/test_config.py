@@ -1,0 +1,35 @@
+"""config/manta.yaml is the defaults of the code, written out: of the model and of the node."""
+
+import dataclasses
+from pathlib import Path
+
+import yaml
+
+from manta_sim_ros.dynamics import Parameters
+from manta_sim_ros.parameters_ros import NodeParameters
+
+CONFIG = Path(__file__).parent.parent / 'config' / 'manta.yaml'
+
+
+def test_the_file_is_read_as_the_defaults():
+    assert Parameters.from_yaml(CONFIG) == Parameters()
+
+
+def test_the_file_holds_every_name_and_default_and_no_other():
+    def written(value):
+        if isinstance(value, dict):
+            return {name: written(part) for name, part in value.items()}
+        return list(value) if isinstance(value, tuple) else value
+
+    content = yaml.safe_load(CONFIG.read_text(encoding='utf-8'))
+    assert list(content) == ['/**'] and list(content['/**']) == ['ros__parameters']
+    listed = content['/**']['ros__parameters']
+    desired = written({**dataclasses.asdict(Parameters()), **dataclasses.asdict(NodeParameters())})
+    assert listed == desired
+
+    def kinds(value):
+        if isinstance(value, dict):
+            return {name: kinds(part) for name, part in value.items()}
+        return [kinds(part) for part in value] if isinstance(value, list) else type(value)
+
+    assert kinds(listed) == kinds(desired)  # ROS 2 takes no whole number for one with a decimal point

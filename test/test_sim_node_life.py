@@ -1,0 +1,117 @@
+"""How `sim_node` starts, lives beside others, survives and ends."""
+
+import signal
+
+import pytest
+from geometry_msgs.msg import PoseStamped, WrenchStamped
+from nav_msgs.msg import Odometry
+from rosgraph_msgs.msg import Clock
+from std_msgs.msg import Float64MultiArray
+
+STRAIGHT = [0.7, 0.7, 0.6, 0.6, 0.7, 0.7]
+VIOLENT = [0.8, 0.8, 4.0, 4.0, 0.7, 0.7]
+COMPILING = 'compiling the dynamics'
+OWN_CLOCK = '-r /clock:=/elsewhere/clock'
+SIGNALS = [signal.SIGINT, signal.SIGTERM]
+
+
+@pytest.fixture(scope='module', autouse=True)
+def first_start(module_launch, tmp_path_factory):
+    """A node that finds nothing compiled, and where it keeps what it compiles; other tests run meanwhile."""
+    kept = {'NUMBA_CACHE_DIR': str(tmp_path_factory.mktemp('kept'))}
+    return module_launch('sim_node', f'-r __ns:=/first {OWN_CLOCK}', kept), kept
+
+
+@pytest.fixture
+def commander(probe):
+    def command(topic, values):
+        publisher = probe.node.create_publisher(Float64MultiArray, topic, 10)
+        return lambda: publisher.publish(Float64MultiArray(data=values))
+    return command
+
+
+@pytest.mark.parametrize('ending', SIGNALS)
+def test_a_signal_ends_it_while_it_runs(launch, probe, ending):
+    node = launch('sim_node')
+    with probe.record(Clock, '/clock') as clock:
+        probe.until(lambda: clock, 'the clock')
+        node.send(ending)
+        assert node.exit_status() == 0
+    assert 'Traceback' not in node.output and 'Error' not in node.output
+
+
+@pytest.mark.parametrize('ending', SIGNALS)
+def test_a_signal_ends_it_while_it_compiles(launch, tmp_path, ending):
+    node = launch('sim_node', environment={'NUMBA_CACHE_DIR': str(tmp_path)})
+    node.wait_for_output(COMPILING)
+    node.send(ending)
+    assert node.exit_status() == 0
+    assert 'Traceback' not in node.output and 'Error' not in node.output
+
+
+def test_two_robots_beside_each_other_keep_apart(launch, probe, commander):
+    launch('sim_node', '-r __ns:=/a')
+    launch('sim_node', '-r __ns:=/b -p publish_clock:=false')
+    with probe.record(PoseStamped, '/a/pose') as a, probe.record(PoseStamped, '/b/pose') as b:
+        probe.until(lambda: a and b, 'both poses')
+        probe.until(lambda: a[-1].pose.position.x > 0.05, 'motion of a', doing=commander('/a/fin_command', STRAIGHT))
+        assert b[-1].pose.position.x == 0.0
+        where = a[-1].pose.position.x
+        probe.until(lambda: b[-1].pose.position.x > 0.05, 'motion of b', doing=commander('/b/fin_command', STRAIGHT))
+        assert a[-1].pose.position.x > where
+
+
+def test_another_name_and_namespace_take_the_same_parameter_file(launch, probe, tmp_path):
+    file = tmp_path / 'manta.yaml'
+    file.write_text('/**:\n  ros__parameters:\n    odom_frame: map\n    publish_rate: 50.0\n    fin: {chains: 12}\n')
+    launch('sim_node', f'--params-file {file} -r __node:=ray -r __ns:=/deep/sea')
+    with probe.record(PoseStamped, '/deep/sea/pose') as pose:
+        probe.until(lambda: len(pose) > 10, 'poses')
+    assert pose[-1].header.frame_id == 'map'
+    assert min(after - before for before, after in zip(pose.stamps, pose.stamps[1:])) == 20_000_000
+    assert ('ray', '/deep/sea') in probe.node.get_node_names_and_namespaces()
+
+
+def test_a_whole_number_is_taken_and_an_unknown_name_is_warned_of(launch, probe):
+    node = launch('sim_node', f'-p publish_rate:=50 -p fin.chian:=12 {OWN_CLOCK} -r __ns:=/lenient')
+    with probe.record(Odometry, '/lenient/odom') as odometry:
+        probe.until(lambda: odometry, 'odometry')
+    assert 'fin.chian is no parameter' in node.output and 'fin.chains' in node.output
+
+
+def test_factor_zero_runs_as_fast_as_it_can_and_still_listens(launch, probe, commander):
+    launch('sim_node', '-p real_time_factor:=0.0 -p publish_rate:=10.0')
+    with probe.record(Clock, '/clock') as clock, probe.record(Odometry, 'odom') as odometry:
+        probe.until(lambda: clock and odometry, 'the clock')
+        until = clock.stamps[-1] + 5_000_000_000
+        probe.until(lambda: clock.stamps[-1] > until, 'five seconds')
+        probe.until(
+            lambda: odometry[-1].pose.pose.position.x > 0.1, 'motion', doing=commander('fin_command', STRAIGHT))
+        assert clock.rising
+
+
+def test_after_a_divergence_it_says_which_step_to_try_and_goes_on(launch, probe, commander):
+    node = launch('sim_node', '-p solver.time_step:=0.01')
+    with probe.record(Clock, '/clock') as clock, probe.record(Odometry, 'odom') as odometry, \
+            probe.record(WrenchStamped, 'fin_wrench') as wrench:
+        probe.until(lambda: clock and odometry and wrench, 'a first state')
+        probe.until(lambda: 'try 0.005 s' in node.output, 'divergence', doing=commander('fin_command', VIOLENT))
+        assert 'solver.time_step is 0.01 s' in node.output
+        enough = len(odometry) + 200
+        probe.until(lambda: len(odometry) > enough and len(clock) > enough, 'it to go on')
+        assert odometry.finite and wrench.finite
+        assert odometry.rising and clock.rising
+        before = len(odometry)
+        commander('fin_command', [0.0] * 6)()
+        probe.until(lambda: len(odometry) > before + 20, 'it to go on at rest')
+
+
+def test_the_first_start_says_once_that_it_compiles_and_the_second_not_at_all(first_start, launch, probe):
+    first, kept = first_start
+    with probe.record(Odometry, '/first/odom') as odometry:
+        probe.until(lambda: odometry, 'odometry of the first')
+    assert first.output.count(COMPILING) == 1
+    second = launch('sim_node', f'-r __ns:=/second {OWN_CLOCK}', kept)
+    with probe.record(Odometry, '/second/odom') as odometry:
+        probe.until(lambda: odometry, 'odometry of the second')
+    assert COMPILING not in second.output
