@@ -24,9 +24,9 @@ setup(
     license='Apache-2.0',
     entry_points={
         'console_scripts': [
-            'gait_node = manta_sim_ros.gait_node:main',
-            'monitor_node = manta_sim_ros.monitor_node:main',
-            'sim_node = manta_sim_ros.sim_node:main',
+            'gait_node = manta_sim_ros.executables:gait_node',
+            'monitor_node = manta_sim_ros.executables:monitor_node',
+            'sim_node = manta_sim_ros.executables:sim_node',
         ],
     },
 )

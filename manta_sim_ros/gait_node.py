@@ -6,13 +6,12 @@ Copy it to start a controller of your own: what it needs of the robot is one top
 from __future__ import annotations
 
 import math
-from typing import Any
 
-from rcl_interfaces.msg import ParameterDescriptor
 from rclpy.node import Node
 from std_msgs.msg import Float64MultiArray
 
 from manta_sim_ros.messages import fin_commands
+from manta_sim_ros.parameters_ros import declare_value
 from manta_sim_ros.process import run_node
 
 QUEUE_DEPTH = 10
@@ -53,12 +52,12 @@ class GaitNode(Node):
     """
 
     def __init__(self) -> None:
-        super().__init__('manta_gait')
-        self._durations = self._declared('durations', [15.0, 15.0], 'how long each gait lasts [s]')
+        super().__init__('manta_gait', automatically_declare_parameters_from_overrides=True)
+        self._durations = declare_value(self, 'durations', [15.0, 15.0], 'how long each gait lasts [s]')
         if not self._durations or not all(0.0 < duration < math.inf for duration in self._durations):
             raise ValueError(f'durations are {self._durations}, but must be at least one, each greater than 0 s')
-        self._repeat = self._declared('repeat', True, 'begin anew after the last gait; else the last one stays')
-        rate = self._declared('publish_rate', 10.0, 'rate of fin_command [Hz]')
+        self._repeat = declare_value(self, 'repeat', True, 'begin anew after the last gait; else the last one stays')
+        rate = declare_value(self, 'publish_rate', 10.0, 'rate of fin_command [Hz]')
         if not 0.1 <= rate <= 200.0:
             raise ValueError(f'publish_rate is {rate} Hz, but must be from 0.1 to 200 Hz')
         self._commands = self._gaits()
@@ -66,15 +65,12 @@ class GaitNode(Node):
         self._publisher = self.create_publisher(Float64MultiArray, 'fin_command', QUEUE_DEPTH)
         self._timer = self.create_timer(1.0 / rate, self._publish)
 
-    def _declared(self, name: str, default: Any, description: str) -> Any:
-        return self.declare_parameter(name, default, ParameterDescriptor(description=description, read_only=True)).value
-
     def _gaits(self) -> list[list[float]]:
         """Return the data of a fin_command message for each gait."""
         count = len(self._durations)
         columns = []
         for name, (default, description) in GAIT_LISTS.items():
-            values = list(self._declared(name, default, f'{description}, one for all gaits or one each'))
+            values = list(declare_value(self, name, default, f'{description}, one for all gaits or one each'))
             if len(values) not in (1, count):
                 raise ValueError(f'{name} has {len(values)} values, but must have 1, or {count} as durations has')
             values = values * count if len(values) == 1 else values

@@ -6,11 +6,11 @@ import math
 import time
 
 from nav_msgs.msg import Odometry
-from rcl_interfaces.msg import FloatingPointRange, ParameterDescriptor
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 from rclpy.node import Node
 
+from manta_sim_ros.parameters_ros import declare_value
 from manta_sim_ros.process import run_node
 
 QUEUE_DEPTH = 10
@@ -39,11 +39,11 @@ class MonitorNode(Node):
     """
 
     def __init__(self) -> None:
-        super().__init__('manta_monitor')
-        self._duration: float = self.declare_parameter('duration', 0.0, ParameterDescriptor(
-            description='elapsed time after the first message at which the node ends [s]; 0 never', read_only=True,
-            floating_point_range=[FloatingPointRange(from_value=0.0, to_value=1e9)],
-        )).value
+        super().__init__('manta_monitor', automatically_declare_parameters_from_overrides=True)
+        self._duration: float = declare_value(
+            self, 'duration', 0.0, 'elapsed time after the first message at which the node ends [s]; 0 never')
+        if not 0.0 <= self._duration < math.inf:
+            raise ValueError(f'duration is {self._duration} s, but must be finite and at least 0')
         self._speeds: list[float] = []
         self._latest: Odometry | None = None
         self._began = math.nan

@@ -137,6 +137,39 @@ def declare(node: Node) -> Settings:
     return settings
 
 
+def declare_value(node: Node, name: str, default: Any, description: str) -> Any:
+    """Declare one read-only parameter of a node that is made as `declare` wants it, and return its value.
+
+    Whole numbers are taken where decimal ones are wanted, and one number where a list is.
+
+    Raises
+    ------
+    ValueError
+        What the node was started with is of another type; names it.
+
+    """
+    value = default
+    if node.has_parameter(name):
+        value = node.get_parameter(name).value
+        node.undeclare_parameter(name)
+    if isinstance(default, list):
+        parts = value.tolist() if hasattr(value, 'tolist') else value
+        value = [_decimal(part) for part in (parts if isinstance(parts, list) else [parts])]
+        fits = all(type(part) is float for part in value)
+    else:
+        value = _decimal(value) if isinstance(default, float) else value
+        fits = type(value) is type(default)
+    if not fits:
+        raise ValueError(f'{name} is {value!r}, but must be of the type of {default!r}')
+    node.declare_parameter(
+        name, value, ParameterDescriptor(description=description, read_only=True), ignore_override=True)
+    return value
+
+
+def _decimal(value: Any) -> Any:
+    return float(value) if type(value) is int else value
+
+
 def descriptor(name: str, known: Quantity) -> ParameterDescriptor:
     """Return description, unit, bounds and whether it is read-only, as ROS 2 wants them."""
     unit = f' [{known.unit}]' if known.unit else ''
@@ -149,6 +182,8 @@ def descriptor(name: str, known: Quantity) -> ParameterDescriptor:
         described.integer_range = [IntegerRange(from_value=int(known.low), to_value=int(known.high), step=1)]
     elif known.kind is tuple:
         described.additional_constraints = f'3 numbers, each {_bounds(known)}'
+    elif known.kind is str:
+        described.additional_constraints = 'a text that is not empty'
     return described
 
 

@@ -10,6 +10,7 @@ from types import FrameType
 from typing import TypeVar
 
 import rclpy
+from rclpy.exceptions import ParameterException
 from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
 
@@ -40,12 +41,14 @@ def run_node(make: Callable[[], NodeType], start: Callable[[NodeType], None], ar
     except (KeyboardInterrupt, ExternalShutdownException):
         pass
     finally:
-        spinning = False  # a second Ctrl-C must not interrupt the first
+        spinning = False  # a second signal must not interrupt the end
         rclpy.try_shutdown()
+        for ending in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(ending, signal.SIG_IGN)
 
 
 def _or_exit(begin: Callable[[], Started]) -> Started:
     try:
         return begin()
-    except (ValueError, RuntimeError) as error:  # errors of rcl are RuntimeErrors
+    except (ValueError, RuntimeError, ParameterException) as error:  # errors of rcl are RuntimeErrors
         sys.exit(f'{sys.argv[0].rpartition("/")[2]}: {" ".join(str(error).split())}')

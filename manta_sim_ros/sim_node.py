@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 import time
 from typing import Any
 
@@ -29,6 +30,7 @@ PACE_WINDOW = 1.0
 PACE_WARNING_PERIOD = 5.0
 PACE_TOLERANCE = 0.95
 CLOCK_WARNING_PERIOD = 10.0
+ROUNDING = 1e-6  # of the steps due, far above that of their sum and far below a step
 
 
 class SimNode(Node):
@@ -94,7 +96,7 @@ class SimNode(Node):
     def _advance(self) -> State:
         time_step = self._settings.model.solver.time_step
         self._steps_due += 1.0 / (self._settings.node.publish_rate * time_step)
-        steps = round(self._steps_due)
+        steps = math.floor(self._steps_due + ROUNDING)  # at least one: publish_rate allows no less
         self._steps_due -= steps
         try:
             return self._simulator.advance(steps * time_step)
@@ -137,7 +139,7 @@ class SimNode(Node):
                 'is slower',
                 throttle_duration_sec=PACE_WARNING_PERIOD,
             )
-        if self._clock_publisher is not None and self.count_publishers('/clock') > 1:
+        if self._clock_publisher is not None and self.count_publishers(self._clock_publisher.topic_name) > 1:
             self.get_logger().warning(
                 'another node publishes /clock too: of several simulators, start all but one with publish_clock false',
                 throttle_duration_sec=CLOCK_WARNING_PERIOD,

@@ -70,6 +70,14 @@ def test_joint_angles_beyond_pi_are_the_angles_within_it():
     assert_close(beyond[1], within[1], 1e-12)
 
 
+@pytest.mark.parametrize('scale', [1e-3, 1e-9, 1e-15])
+def test_nearly_flat_fins_agree_with_the_literal_equations(scale):
+    parameters = sized(5, 3, water={'density': 0.0})
+    _, angles, *_ = any_moment(parameters, seed=4)
+    moment = np.zeros((2, 3)), scale * angles, np.zeros((5, 3)), np.zeros(6), np.zeros(6)
+    assert_same_dynamics(fin_dynamics(parameters, 0, *moment), literal_model.fin_dynamics(parameters, 0, *moment))
+
+
 def test_joints_bent_nearly_to_pi_agree_with_the_literal_equations():
     parameters = sized(4, 2, fin={'youngs_modulus': 1e4})
     rods, angles, *motion = any_moment(parameters, seed=3)
@@ -140,7 +148,7 @@ def test_arrays_of_a_wrong_shape_are_refused_by_name(name):
             fin_dynamics(parameters, 0, **{**moment, name: wrong})
 
 
-@pytest.mark.parametrize('side', [-1, 2, 'left', None])
+@pytest.mark.parametrize('side', [-1, 2, 'left', None, True, 1.0])
 def test_a_side_other_than_left_and_right_is_refused(side):
     with pytest.raises(ValueError, match='side is'):
         fin_dynamics(sized(4, 2), side, *any_moment(sized(4, 2), seed=8))

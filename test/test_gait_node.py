@@ -80,9 +80,9 @@ def test_with_a_simulator_that_starts_again_it_begins_anew(launch, robot):
     assert robot.time < 3000
 
 
-def test_lists_of_its_parameters_are_gaits_in_degrees_and_hertz(launch, robot):
-    launch('gait_node', '-p use_sim_time:=true -p durations:=[100.0] -p left_amplitude_degrees:=[10.0] '
-           '-p right_amplitude_degrees:=[20.0] -p left_frequency:=[0.3] -p right_frequency:=[0.4] '
+def test_lists_and_single_numbers_of_its_parameters_are_gaits_in_degrees_and_hertz(launch, robot):
+    launch('gait_node', '-p use_sim_time:=true -p durations:=100 -p left_amplitude_degrees:=10.0 '
+           '-p right_amplitude_degrees:=[20] -p left_frequency:=[0.3] -p right_frequency:=[0.4] '
            '-p left_phase_degrees:=[30.0] -p right_phase_degrees:=[-40.0] -p left_front_bias_degrees:=[1.0] '
            '-p right_front_bias_degrees:=[2.0] -p left_rear_bias_degrees:=[3.0] -p right_rear_bias_degrees:=[-4.0]')
     robot.until(lambda: robot.commands, 'a command')
@@ -102,12 +102,12 @@ def test_a_signal_ends_it(launch, robot, ending):
 @pytest.mark.parametrize(('arguments', 'words'), [
     ('-p durations:=[1.0,2.0,3.0]', ['right_amplitude_degrees', '2', '3', 'durations']),
     ('-p durations:=[-1.0,1.0]', ['durations', '-1.0', 'greater than 0']),
-    ('-p durations:=[]', ['durations', 'at least one']),
+    ('-p durations:=[]', []),  # rclpy's own refusal: an empty list has no type
     ('-p durations:=[one,two]', ['durations', 'one']),
     ('-p publish_rate:=0.0', ['publish_rate', '0.0', 'from 0.1 to 200']),
     ('-p left_frequency:=[50.0]', ['left', 'frequency', '50', 'from 0 to 5 Hz']),
     ('-p left_phase_degrees:=[.nan]', ['left', 'phase', 'nan', 'from']),
-    ('-p left_frequency:=0.6', ['left_frequency', '0.6']),
+    ('-p publish_rate:=often', ['publish_rate', 'often']),
 ])
 def test_a_bad_parameter_ends_it_with_one_line(launch, arguments, words):
     (line,) = launch('gait_node', arguments).refusal()

@@ -32,7 +32,7 @@ def swim(probe):
 
 
 def test_it_says_what_it_waits_for_then_prints_a_line_a_second_and_ends_after_its_duration(launch, swim):
-    node = launch('monitor_node', '-p duration:=2.0')
+    node = launch('monitor_node', '-p duration:=2')
     node.wait_for_output('waiting for /odom')
     node.may_end = True
     swim(lambda: node.process.poll() is not None, 'its end')

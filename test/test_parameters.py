@@ -101,7 +101,7 @@ def test_bounds_are_included(group, name, known):
     ('rods', 'support_length', 0.0), ('rods', 'command_time_constant', -0.1), ('fin', 'chains', 1), ('fin', 'links', 0),
     ('fin', 'span', 0.0), ('fin', 'thickness', 0.0), ('fin', 'density', 0.0), ('fin', 'youngs_modulus', -1.0),
     ('fin', 'joint_damping', -0.1), ('fin', 'drag_coefficient', -1.0), ('water', 'density', -1.0),
-    ('solver', 'time_step', 0.0),
+    ('solver', 'time_step', 0.0), ('body', 'mass', 10**400), ('water', 'current', (0, 10**400, 0)),
 ])
 def test_what_no_robot_can_have_is_refused(group, name, value):
     with pytest.raises(ValueError, match=rf'^{group}\.{name}'):

@@ -1,12 +1,13 @@
 """The same commands give the same bits: in one run or two, after a save, in another process."""
 
+import copy
 import pickle
 
 import numpy as np
 import pytest
 
 from manta_sim_ros.dynamics import Simulator
-from scenarios import SWIM, TURN, assert_same_bits, run_python, sized, variant
+from scenarios import STATE_FIELDS, SWIM, TURN, assert_same_bits, run_python, sized, variant
 
 PARAMETERS = sized(17, 3, water={'current': (0.1, 0.2, 0.3)})
 
@@ -63,6 +64,16 @@ def test_save_restore_and_go_on_is_to_go_on_to_the_last_bit(way):
     else:
         simulator = Simulator(PARAMETERS, state=pickle.loads(saved))
     assert_same_bits(simulator.advance(1.0), reference)
+
+
+@pytest.mark.parametrize('copied', [lambda state: pickle.loads(pickle.dumps(state)), copy.deepcopy, copy.copy])
+def test_copies_of_a_state_are_as_read_only_and_checked_as_the_state(copied):
+    state = copied(swum().state)
+    assert_same_bits(state, swum().state)
+    for name in STATE_FIELDS:
+        if isinstance(getattr(state, name), np.ndarray):
+            with pytest.raises(ValueError, match='read-only'):
+                getattr(state, name)[...] = 7.0
 
 
 def test_reset_to_rest_forgets_everything():

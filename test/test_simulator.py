@@ -60,6 +60,7 @@ def test_a_command_changes_no_motion_before_the_next_step():
 
 @pytest.mark.parametrize('duration', [
     -0.002, -1e-9, math.nan, math.inf, -math.inf, 0.001, 0.003, 0.0020001, 1.0005, 100.001,
+    1e300, 10**400, 'a', None, True,
 ])
 def test_a_duration_that_is_no_whole_number_of_steps_is_refused_and_changes_nothing(duration):
     simulator = swimming(sized(4, 2))
@@ -117,6 +118,14 @@ def test_a_state_that_does_not_fit_is_refused_and_the_simulator_stays_where_it_w
         Simulator(sized(4, 2), state=bad)
 
 
+@pytest.mark.parametrize('quantity', ['twist', 'acceleration'])
+def test_a_fixed_base_refuses_a_state_in_motion(quantity):
+    parameters = sized(4, 2, solver={'fixed_base': True})
+    moving = dataclasses.replace(State.at_rest(parameters), **{quantity: [0.0, 0.0, 0.5, 0.0, 0.0, 0.0]})
+    with pytest.raises(ValueError, match='0.5.*solver.fixed_base'):
+        Simulator(parameters, state=moving)
+
+
 def test_a_fixed_base_stays_where_it_is_while_the_fins_push():
     parameters = variant(sized(5, 3), solver={'fixed_base': True}, water={'current': (0.2, 0.1, 0.0)})
     start = dataclasses.replace(
@@ -134,9 +143,10 @@ def test_a_fixed_base_stays_where_it_is_while_the_fins_push():
 
 def test_every_parameter_has_an_effect():
     def bits_after_a_swim(parameters):
-        # turned, with a current, and moving: then everything acts
+        # turned, with a current, and moving where it can: then everything acts
         start = dataclasses.replace(
-            State.at_rest(parameters), orientation=np.array([0.1, 0.2, 0.3, 0.9]) / 0.95**0.5, twist=(0.1,) * 6)
+            State.at_rest(parameters), orientation=np.array([0.1, 0.2, 0.3, 0.9]) / 0.95**0.5,
+            twist=np.full(6, 0.0 if parameters.solver.fixed_base else 0.1))
         simulator = Simulator(parameters, state=start)
         simulator.command(left=SWIM, right=TURN)
         return bits(simulator.advance(0.24))

@@ -76,7 +76,7 @@ def check_gait(rods: Rods, side: int, command: FinCommand) -> None:
             f'{SIDES[side]} amplitude is {command.amplitude:g} rad, but the rear rod then reaches {reach:g} m high, '
             f'which must be less than rods.front_radius, {rods.front_radius:g} m'
         )
-    difference = _largest_rod_difference(rods.rear_radius / rods.front_radius, command.as_array())
+    difference = largest_rod_difference(rods.rear_radius / rods.front_radius, command.as_array())
     bound = closure_angle(rods)
     if not difference < bound:
         raise ValueError(
@@ -112,8 +112,7 @@ def check_transition(rods: Rods, side: int, value: np.ndarray, rate: np.ndarray,
         )
 
 
-@kernel
-def _largest_rod_difference(ratio: float, gait: np.ndarray) -> float:
+def largest_rod_difference(ratio: float, gait: np.ndarray) -> float:
     """Return the largest |a_1 - a_2| [rad] in a cycle of the gait (5,); infinite when the front rod cannot follow.
 
     A_1 sin(psi + phi) - A sin(psi) is one sine, whose amplitude is the distance of two phasors.
@@ -126,6 +125,9 @@ def _largest_rod_difference(ratio: float, gait: np.ndarray) -> float:
     # (A_1 - A)^2 + 4 A_1 A sin^2(phi / 2): the distance of the phasors without cancellation
     swing = sqrt((front - rear) ** 2 + 4.0 * front * rear * sin(0.5 * gait[2]) ** 2)
     return swing + abs(gait[3] - gait[4])
+
+
+_largest_rod_difference = kernel(largest_rod_difference)
 
 
 @kernel

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 import numbers
 import re
 from collections.abc import Iterator, Mapping, Sequence
@@ -87,7 +88,10 @@ def _number(name: str, value: Any, kind: type, known: Quantity) -> Any:
         raise ValueError(f'{name} is {value!r}, but must be a number {bound}')
     if kind is int and not isinstance(value, numbers.Integral):
         raise ValueError(f'{name} is {value!r}, but must be a whole number {bound}')
-    number = kind(value)
+    try:
+        number = kind(value)
+    except OverflowError:  # a whole number that no float holds
+        number = math.inf
     if not known.low <= number <= known.high:  # also refuses nan
         raise ValueError(f'{name} is {number!r}, but must be {bound}')
     return number

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+import numbers
 from collections.abc import Callable
 
 import numpy as np
@@ -16,6 +17,10 @@ from manta_sim_ros.dynamics.state import State
 
 WHOLE_STEPS_TOLERANCE = 1e-6
 """How far a duration may be from a whole number of steps, in steps: the rounding of decimal fractions, no more."""
+
+
+MOST_STEPS = 2**53
+"""More steps than this a float cannot count."""
 
 
 class DivergenceError(ValueError):
@@ -73,6 +78,11 @@ class Simulator:
             raise ValueError(
                 f'state.joint_angles has shape {state.joint_angles.shape}, but fin.chains and fin.links '
                 f'ask for {expected}'
+            )
+        if self._parameters.solver.fixed_base and (np.any(state.twist) or np.any(state.acceleration)):
+            raise ValueError(
+                f'state.twist is {state.twist} and state.acceleration {state.acceleration}, but solver.fixed_base asks '
+                'for zeros'
             )
         largest = float(np.abs(state.joint_angles).max())
         if not largest < math.pi:
@@ -164,8 +174,9 @@ class Simulator:
 
     def _whole_steps(self, duration: float) -> int:
         time_step = self._parameters.solver.time_step
-        if not (math.isfinite(duration) and duration >= 0.0):
-            raise ValueError(f'duration is {duration!r} s, but must be finite and at least 0')
+        longest = MOST_STEPS * time_step
+        if isinstance(duration, bool) or not isinstance(duration, numbers.Real) or not 0.0 <= duration <= longest:
+            raise ValueError(f'duration is {duration!r}, but must be a number from 0 to {longest:g} s')
         steps = round(duration / time_step)
         if abs(duration / time_step - steps) > WHOLE_STEPS_TOLERANCE:
             raise ValueError(
@@ -232,13 +243,13 @@ def fin_dynamics(
         `side` is not 0 or 1, an array has a wrong shape or is not finite, or the support does not close.
 
     """
-    if side not in (0, 1):
+    if isinstance(side, bool) or not isinstance(side, numbers.Integral) or side not in (0, 1):
         raise ValueError(f'side is {side!r}, but must be 0 (left) or 1 (right)')
     fin, rods = parameters.fin, parameters.rods
     joints = (fin.chains, fin.links)
     rod_motion = _finite_array('rod_motion', rod_motion, (2, 3))
-    # stiffness and geometry have a period of 2 pi in each joint's angle
-    wrapped = np.remainder(_finite_array('joint_angles', joint_angles, joints) + math.pi, 2 * math.pi) - math.pi
+    angles = _finite_array('joint_angles', joint_angles, joints)
+    wrapped = angles - 2 * math.pi * np.round(angles / (2 * math.pi))  # the period of stiffness and geometry
     rates = _finite_array('joint_rates', joint_rates, joints)
     twist = _finite_array('body_twist', body_twist, (6,))
     acceleration = _finite_array('body_acceleration', body_acceleration, (6,))
@@ -253,7 +264,7 @@ def fin_dynamics(
         )
     with announced_compilation():
         accelerations, force, moment = coupling.evaluate_kernel(
-            coupling.constants(parameters), side, rod_motion, coupling.padded(wrapped), coupling.padded(rates),
+            coupling.constants(parameters), int(side), rod_motion, coupling.padded(wrapped), coupling.padded(rates),
             twist, acceleration,
         )
     return coupling.unpadded(accelerations, fin.chains), np.array(force + moment)

@@ -89,6 +89,10 @@ class State:
         if not abs(norm - 1.0) <= UNIT_TOLERANCE:
             raise ValueError(f'state.orientation has norm {norm:.9g}, but must have 1 within {UNIT_TOLERANCE:g}')
 
+    def __reduce__(self) -> tuple[type[State], tuple[Any, ...]]:
+        """Let copies and pickles be made by the constructor, so that they are as read-only and as checked."""
+        return type(self), tuple(getattr(self, field.name) for field in dataclasses.fields(self))
+
     def _checked_array(self, name: str) -> np.ndarray:
         array = np.array(getattr(self, name), dtype=np.float64)
         if name in SHAPES and array.shape != SHAPES[name]:
