@@ -6,6 +6,7 @@ import re
 import pytest
 
 from manta_sim_ros.dynamics import DivergenceError, FinCommand, Simulator, State
+from manta_sim_ros.dynamics import simulator as simulator_module
 from scenarios import SWIM, bits, sized, variant
 
 
@@ -83,3 +84,12 @@ def test_a_body_that_diverges_is_named():
     with pytest.raises(DivergenceError, match=r"at 0\.\d+ s the body's motion is not finite: .* try 0\.001 s"):
         simulator.advance(2.0)
     assert simulator.state is before
+
+
+def test_divergence_in_a_later_compiled_call_names_the_same_time(monkeypatch):
+    with pytest.raises(DivergenceError) as at_once:
+        flapping(0.016).advance(160.0)
+    monkeypatch.setattr(simulator_module, 'STEPS_AT_ONCE', 3)
+    with pytest.raises(DivergenceError) as in_parts:
+        flapping(0.016).advance(160.0)
+    assert str(in_parts.value) == str(at_once.value)

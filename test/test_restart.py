@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from manta_sim_ros.dynamics import Simulator
+from manta_sim_ros.dynamics import simulator as simulator_module
 from scenarios import STATE_FIELDS, SWIM, TURN, assert_same_bits, run_python, sized, variant
 
 PARAMETERS = sized(17, 3, water={'current': (0.1, 0.2, 0.3)})
@@ -116,3 +117,9 @@ def test_another_process_goes_on_from_a_saved_state_with_the_same_bits(tmp_path)
     here.write_bytes(pickle.dumps((PARAMETERS, simulator.state, TURN, SWIM, 0.0)))
     assert run_python(SWIM_ON, tmp_path, here).stdout == first
     assert np.isfinite(simulator.state.joint_angles).all()
+
+
+def test_a_long_run_in_several_compiled_calls_has_the_bits_of_a_short_one(monkeypatch):
+    whole = swum().advance(1.0)
+    monkeypatch.setattr(simulator_module, 'STEPS_AT_ONCE', 7)
+    assert_same_bits(swum().advance(1.0), whole)

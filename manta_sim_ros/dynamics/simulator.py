@@ -19,6 +19,9 @@ WHOLE_STEPS_TOLERANCE = 1e-6
 """How far a duration may be from a whole number of steps, in steps: the rounding of decimal fractions, no more."""
 
 
+STEPS_AT_ONCE = 50_000
+"""Steps in one compiled call, about a second of computing: between calls Ctrl-C is heard."""
+
 MOST_STEPS = 2**53
 """More steps than this a float cannot count."""
 
@@ -147,10 +150,12 @@ class Simulator:
             rod_angles=before.rod_angles.copy(),
             fin_wrenches=before.fin_wrenches.copy(),
         )
-        with announced_compilation():
-            taken, failed, side, chain = coupling.advance_kernel(self._constants, motion, steps)
-        if failed:
-            raise self._divergence(before, taken, failed, side, chain)
+        for begin in range(0, max(steps, 1), STEPS_AT_ONCE):
+            with announced_compilation():
+                taken, failed, side, chain = coupling.advance_kernel(
+                    self._constants, motion, min(steps - begin, STEPS_AT_ONCE))
+            if failed:
+                raise self._divergence(before, begin + taken, failed, side, chain)
         chains = self._parameters.fin.chains
         count = before.step_count + steps
         self._state = State(
