@@ -101,7 +101,7 @@ def stations(chains: int, support_length: float) -> np.ndarray:
     return np.concatenate((real, np.full(row_length(chains) - chains, real[-1])))
 
 
-# Taylor's coefficients: for |x| <= pi / 2 what is left out is below 2e-17.
+# Taylor's coefficients: for |x| <= pi / 2 what is left out is below 2e-18.
 S1, S3, S5, S7, S9, S11, S13, S15, S17, S19, S21 = ((-1) ** k / factorial(2 * k + 1) for k in range(11))
 C0, C2, C4, C6, C8, C10, C12, C14, C16, C18, C20, C22 = ((-1) ** k / factorial(2 * k) for k in range(12))
 
@@ -193,7 +193,7 @@ def reflected_inertia(
     links, row = c.shape
     vx, vy, vz = through_water
     wx, wy, wz = omega
-    first, second = 0.5 * mass * dl, mass * dl * dl / 3.0  # of the link's mass about its hinge
+    moment, inertia = 0.5 * mass * dl, mass * dl * dl / 3.0  # first and second, of the link's mass about its hinge
     for k in range(row):
         m_yy[k], m_yz[k], m_zz[k], p_y[k], p_z[k], beyond[k] = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     for j in range(links - 1, -1, -1):
@@ -216,10 +216,10 @@ def reflected_inertia(
             ny = dl * (m_yz[k] * cj - m_yy[k] * sj)
             nz = dl * (m_zz[k] * cj - m_yz[k] * sj)
 
-            hy = ny - first * sj
-            hz = nz + first * cj
-            inverse = 1.0 / (second + dl * (nz * cj - ny * sj))
-            nu = second * (cj * gz - sj * gy) - 0.5 * dl * force + dl * (cj * ez - sj * ey) + beyond[k]
+            hy = ny - moment * sj
+            hz = nz + moment * cj
+            inverse = 1.0 / (inertia + dl * (nz * cj - ny * sj))
+            nu = inertia * (cj * gz - sj * gy) - 0.5 * dl * force + dl * (cj * ez - sj * ey) + beyond[k]
             bias = torque[j, k] - nu
             drag[j, k], h_y[j, k], h_z[j, k], d_inverse[j, k], q_bias[j, k] = force, hy, hz, inverse, bias
             g_y[j, k], g_z[j, k] = gy, gz
@@ -228,8 +228,8 @@ def reflected_inertia(
             m_yy[k] += mass - hy * by
             m_yz[k] -= hy * bz
             m_zz[k] += mass - hz * bz
-            p_y[k] = ey + first * gy + force * sj + by * bias
-            p_z[k] = ez + first * gz - force * cj + bz * bias
+            p_y[k] = ey + moment * gy + force * sj + by * bias
+            p_z[k] = ez + moment * gz - force * cj + bz * bias
             beyond[k] = torque[j, k]
 
 
