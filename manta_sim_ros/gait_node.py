@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 
+import rclpy
 from rclpy.node import Node
 from std_msgs.msg import Float64MultiArray
 
@@ -93,4 +94,4 @@ class GaitNode(Node):
 
 def main(args: list[str] | None = None) -> None:
     """Run the node until it is interrupted."""
-    run_node(GaitNode, lambda node: None, args)
+    run_node(GaitNode, lambda node: None, rclpy.spin, args)

@@ -30,31 +30,37 @@ def clock_message(stamp: Time) -> Clock:
     return Clock(clock=stamp)
 
 
-def pose_message(state: State, stamp: Time, odom_frame: str) -> PoseStamped:
+def header(stamp: Time, frame: str) -> Header:
+    """Return the header of a message: its stamp and the name of its frame."""
+    return Header(stamp=stamp, frame_id=frame)
+
+
+def pose_message(state: State, odom: Header) -> PoseStamped:
     """Return the pose of the body frame in the world frame."""
-    return PoseStamped(header=Header(stamp=stamp, frame_id=odom_frame), pose=_pose(state))
+    x, y, z = state.position.tolist()
+    qx, qy, qz, qw = state.orientation.tolist()
+    return PoseStamped(
+        header=odom, pose=Pose(position=Point(x=x, y=y, z=z), orientation=Quaternion(x=qx, y=qy, z=qz, w=qw)))
 
 
-def twist_message(state: State, stamp: Time, base_frame: str) -> TwistStamped:
+def twist_message(state: State, base: Header) -> TwistStamped:
     """Return the velocity of the body frame's origin relative to the world, components in the body frame."""
-    return TwistStamped(header=Header(stamp=stamp, frame_id=base_frame), twist=_twist(state))
+    values = state.twist.tolist()
+    return TwistStamped(header=base, twist=Twist(linear=_vector(values[:3]), angular=_vector(values[3:])))
 
 
-def odometry_message(state: State, stamp: Time, odom_frame: str, base_frame: str) -> Odometry:
-    """Return pose in the world frame and twist in the body frame. Ground truth: all covariances are zero."""
-    odometry = Odometry(header=Header(stamp=stamp, frame_id=odom_frame), child_frame_id=base_frame)
-    odometry.pose.pose = _pose(state)
-    odometry.twist.twist = _twist(state)
+def odometry_message(pose: PoseStamped, twist: TwistStamped) -> Odometry:
+    """Return pose and twist in one message. Ground truth: all covariances are zero."""
+    odometry = Odometry(header=pose.header, child_frame_id=twist.header.frame_id)
+    odometry.pose.pose = pose.pose
+    odometry.twist.twist = twist.twist
     return odometry
 
 
-def wrench_message(wrench: np.ndarray, stamp: Time, base_frame: str) -> WrenchStamped:
+def wrench_message(wrench: np.ndarray, base: Header) -> WrenchStamped:
     """Return a wrench (6,) on the body about the origin of its frame, components in that frame."""
     values = wrench.tolist()
-    return WrenchStamped(
-        header=Header(stamp=stamp, frame_id=base_frame),
-        wrench=Wrench(force=_vector(values[:3]), torque=_vector(values[3:])),
-    )
+    return WrenchStamped(header=base, wrench=Wrench(force=_vector(values[:3]), torque=_vector(values[3:])))
 
 
 def fin_commands(values: Sequence[float]) -> tuple[FinCommand, FinCommand]:
@@ -76,17 +82,6 @@ def fin_commands(values: Sequence[float]) -> tuple[FinCommand, FinCommand]:
         except ValueError as error:
             raise ValueError(f'{name} {error}') from error
     return commands[0], commands[1]
-
-
-def _pose(state: State) -> Pose:
-    x, y, z = state.position.tolist()
-    qx, qy, qz, qw = state.orientation.tolist()
-    return Pose(position=Point(x=x, y=y, z=z), orientation=Quaternion(x=qx, y=qy, z=qz, w=qw))
-
-
-def _twist(state: State) -> Twist:
-    values = state.twist.tolist()
-    return Twist(linear=_vector(values[:3]), angular=_vector(values[3:]))
 
 
 def _vector(values: Sequence[float]) -> Vector3:

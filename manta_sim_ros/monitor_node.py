@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import time
 
+import rclpy
 from nav_msgs.msg import Odometry
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
@@ -46,6 +47,7 @@ class MonitorNode(Node):
             raise ValueError(f'duration is {self._duration} s, but must be finite and at least 0')
         self._speeds: list[float] = []
         self._latest: Odometry | None = None
+        self._waiting = False
         self._began = math.nan
         self._line_before = math.nan, math.nan  # elapsed and simulated time [s]
         self.create_subscription(Odometry, 'odom', self._take, QUEUE_DEPTH)
@@ -63,7 +65,9 @@ class MonitorNode(Node):
     def _print(self) -> None:
         now = time.monotonic()
         if self._latest is None:
-            print(f'waiting for {self.resolve_topic_name("odom")}', flush=True)
+            if not self._waiting:
+                self._waiting = True
+                print(f'waiting for {self.resolve_topic_name("odom")}', flush=True)
             return
         position, orientation = self._latest.pose.pose.position, self._latest.pose.pose.orientation
         elapsed_before, simulated_before = self._line_before
@@ -80,4 +84,4 @@ class MonitorNode(Node):
 
 def main(args: list[str] | None = None) -> None:
     """Run the node until it is interrupted, or for its duration."""
-    run_node(MonitorNode, lambda node: None, args)
+    run_node(MonitorNode, lambda node: None, rclpy.spin, args)

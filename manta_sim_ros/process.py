@@ -18,7 +18,12 @@ Started = TypeVar('Started')
 NodeType = TypeVar('NodeType', bound=Node)
 
 
-def run_node(make: Callable[[], NodeType], start: Callable[[NodeType], None], args: list[str] | None) -> None:
+def run_node(
+    make: Callable[[], NodeType],
+    start: Callable[[NodeType], None],
+    spin: Callable[[NodeType], None],
+    args: list[str] | None,
+) -> None:
     """Make a node, start it, and spin it until it is interrupted or the context is shut down.
 
     Ends the process with status 1 and one line on standard error when ROS 2 arguments or a parameter are bad.
@@ -37,7 +42,7 @@ def run_node(make: Callable[[], NodeType], start: Callable[[NodeType], None], ar
         node = _or_exit(make)
         start(node)
         spinning = True
-        rclpy.spin(node)
+        spin(node)
     except (KeyboardInterrupt, ExternalShutdownException):
         pass
     finally:

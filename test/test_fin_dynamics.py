@@ -7,7 +7,7 @@ import pytest
 
 import literal_model
 import pinocchio_tree
-from manta_sim_ros.dynamics import coupling, fin_dynamics
+from manta_sim_ros.dynamics import fin_dynamics
 from manta_sim_ros.dynamics.fin import sine_cosine
 from scenarios import any_moment, assert_close, sized, variant
 
@@ -85,23 +85,6 @@ def test_joints_bent_nearly_to_pi_agree_with_the_literal_equations():
     assert_same_dynamics(
         fin_dynamics(parameters, 0, rods, angles, *motion),
         literal_model.fin_dynamics(parameters, 0, rods, angles, *motion))
-
-
-@pytest.mark.parametrize('chains', [2, 15, 16, 17])
-def test_what_pads_a_row_has_no_influence(chains):
-    parameters = sized(chains, 3)
-    rods, angles, rates, twist, acceleration = any_moment(parameters, seed=4)
-    results = []
-    for rest in (0.0, 1e3, np.nan):
-        q, q_rate = coupling.padded(angles), coupling.padded(rates)
-        assert q.shape[1] % 16 == 0 and q.shape[1] - chains in range(16)
-        q[:, chains:] = q_rate[:, chains:] = rest
-        accelerations, force, moment = coupling.evaluate_kernel(
-            coupling.constants(parameters), 0, rods, q, q_rate, twist, acceleration)
-        results.append((coupling.unpadded(accelerations, chains), np.array(force + moment)))
-    for accelerations, wrench in results[1:]:
-        np.testing.assert_array_equal(accelerations, results[0][0])
-        np.testing.assert_array_equal(wrench, results[0][1])
 
 
 def test_sine_and_cosine_are_right_to_rounding():

@@ -57,7 +57,7 @@ def test_the_clock_announces_its_stamp():
 
 
 def test_the_pose_is_that_of_the_body_in_the_world_frame(state):
-    message = messages.pose_message(state, STAMP, 'world')
+    message = messages.pose_message(state, messages.header(STAMP, 'world'))
     assert isinstance(message, PoseStamped)
     assert (message.header.stamp, message.header.frame_id) == (STAMP, 'world')
     assert xyz(message.pose.position) == [1.0, 2.0, 3.0]
@@ -65,7 +65,7 @@ def test_the_pose_is_that_of_the_body_in_the_world_frame(state):
 
 
 def test_the_twist_is_in_the_body_frame(state):
-    message = messages.twist_message(state, STAMP, 'body')
+    message = messages.twist_message(state, messages.header(STAMP, 'body'))
     assert isinstance(message, TwistStamped)
     assert (message.header.stamp, message.header.frame_id) == (STAMP, 'body')
     assert xyz(message.twist.linear) == [0.4, 0.5, 0.6]
@@ -73,16 +73,17 @@ def test_the_twist_is_in_the_body_frame(state):
 
 
 def test_odometry_joins_pose_and_twist_and_has_no_uncertainty(state):
-    message = messages.odometry_message(state, STAMP, 'world', 'body')
+    pose = messages.pose_message(state, messages.header(STAMP, 'world'))
+    twist = messages.twist_message(state, messages.header(STAMP, 'body'))
+    message = messages.odometry_message(pose, twist)
     assert isinstance(message, Odometry)
     assert (message.header.stamp, message.header.frame_id, message.child_frame_id) == (STAMP, 'world', 'body')
-    assert message.pose.pose == messages.pose_message(state, STAMP, 'world').pose
-    assert message.twist.twist == messages.twist_message(state, STAMP, 'body').twist
+    assert (message.pose.pose, message.twist.twist) == (pose.pose, twist.twist)
     assert not np.any(message.pose.covariance) and not np.any(message.twist.covariance)
 
 
 def test_a_wrench_is_a_force_then_a_moment():
-    message = messages.wrench_message(np.arange(1.0, 7.0), STAMP, 'body')
+    message = messages.wrench_message(np.arange(1.0, 7.0), messages.header(STAMP, 'body'))
     assert isinstance(message, WrenchStamped)
     assert (message.header.stamp, message.header.frame_id) == (STAMP, 'body')
     assert xyz(message.wrench.force) == [1.0, 2.0, 3.0]

@@ -15,7 +15,6 @@ from manta_sim_ros.dynamics.fin import (
     FinConstants,
     accelerate,
     root_wrench,
-    row_length,
     stations,
     working_arrays,
     wrench_on_body,
@@ -47,18 +46,18 @@ class Constants(NamedTuple):
 
 
 class Motion(NamedTuple):
-    """The state of a simulation as the kernels take it; rows of chains are padded and link-major."""
+    """The state of a simulation as the kernels take and change it; fields as in `State`."""
 
     position: np.ndarray  # (3,)
     orientation: np.ndarray  # (4,), x, y, z, w
     twist: np.ndarray  # (6,)
     acceleration: np.ndarray  # (6,)
-    q: np.ndarray  # (2, links, row) [rad]
-    q_rate: np.ndarray  # (2, links, row) [rad/s]
+    joint_angles: np.ndarray  # (2, n, m)
+    joint_rates: np.ndarray  # (2, n, m)
     gait: np.ndarray  # (2, 5)
-    gait_rate: np.ndarray  # (2, 5)
-    command: np.ndarray  # (2, 5)
-    cycle_angle: np.ndarray  # (2,)
+    gait_rates: np.ndarray  # (2, 5)
+    gait_commands: np.ndarray  # (2, 5)
+    cycle_angles: np.ndarray  # (2,)
     rod_angles: np.ndarray  # (2, 2)
     fin_wrenches: np.ndarray  # (2, 6)
 
@@ -92,16 +91,20 @@ def constants(parameters: Parameters) -> Constants:
     )
 
 
-def padded(chains_by_links: np.ndarray) -> np.ndarray:
-    """Return (..., chains, links) as (..., links, row): link-major, the rest of a row repeating the last chain."""
-    chains = chains_by_links.shape[-2]
-    column = np.minimum(np.arange(row_length(chains)), chains - 1)
-    return np.ascontiguousarray(np.swapaxes(chains_by_links, -1, -2)[..., column])
+@kernel
+def _to_rows(joints: np.ndarray, rows: np.ndarray) -> None:
+    """Lay (n, m) out as [link, chain]; the rest of a row repeats the last chain."""
+    last = joints.shape[0] - 1
+    for j in range(rows.shape[0]):
+        for k in range(rows.shape[1]):
+            rows[j, k] = joints[min(k, last), j]
 
 
-def unpadded(rows: np.ndarray, chains: int) -> np.ndarray:
-    """Return (..., links, row) as (..., chains, links)."""
-    return np.ascontiguousarray(np.swapaxes(rows[..., :chains], -1, -2))
+@kernel
+def _from_rows(rows: np.ndarray, joints: np.ndarray) -> None:
+    for k in range(joints.shape[0]):
+        for j in range(joints.shape[1]):
+            joints[k, j] = rows[j, k]
 
 
 @kernel
@@ -200,18 +203,22 @@ def _build_advance(digest: str) -> Callable[..., Any]:
     def advance(constants: Constants, motion: Motion, steps: int) -> tuple[int, int, int, int]:
         """Take `steps` steps in place; return steps taken, what failed (0 nothing), and its side and chain."""
         _ = digest
-        orientation, twist, acceleration, q_fins, q_rate_fins = motion[1:6]
+        orientation, twist, acceleration, joint_angles, joint_rates = motion[1:6]
         gait, gait_rate, command, cycle_angle, rod_angles, fin_wrenches = motion[6:]
         fin, time_constant = constants.fin, constants.time_constant
         dt = constants.time_step
         ratio = constants.rods[1] / constants.rods[0]
-        links, row = q_fins.shape[1:]
+        links, row = joint_angles.shape[2], fin.station.shape[0]
         link_arrays, row_arrays = working_arrays(links, row)
         c, s, w, y, z, y_rate, z_rate, torque, slope, drag, h_y, h_z, d_inverse, q_bias, g_y, g_z = link_arrays
         m_yy, m_yz, m_zz, p_y, p_z, first, second, third = row_arrays
         shape = (links, row)
         q, q_rate, q_acceleration = np.empty(shape), np.empty(shape), np.empty(shape)
         sum_q, sum_rate = np.empty(shape), np.empty(shape)
+        q_fins, q_rate_fins = np.empty((2, links, row)), np.empty((2, links, row))
+        for side in range(2):
+            _to_rows(joint_angles[side], q_fins[side])
+            _to_rows(joint_rates[side], q_rate_fins[side])
         for step in range(steps):
             rotation = rotation_rows(orientation)
             current = rotate_back(rotation, constants.current)
@@ -264,6 +271,9 @@ def _build_advance(digest: str) -> Callable[..., Any]:
                 constants, motion, rotation, current, total_force, total_moment,
             ):
                 return step, BODY_FAILED, 0, 0
+        for side in range(2):
+            _from_rows(q_fins[side], joint_angles[side])
+            _from_rows(q_rate_fins[side], joint_rates[side])
         return steps, 0, 0, 0
 
     return advance
@@ -272,16 +282,19 @@ def _build_advance(digest: str) -> Callable[..., Any]:
 def _build_evaluate(digest: str) -> Callable[..., Any]:
     @entry_kernel
     def evaluate(
-        constants: Constants, side: int, rods: np.ndarray, q: np.ndarray, q_rate: np.ndarray,
+        constants: Constants, side: int, rods: np.ndarray, joint_angles: np.ndarray, joint_rates: np.ndarray,
         twist: np.ndarray, acceleration: np.ndarray,
     ) -> tuple[np.ndarray, Vector, Vector]:
-        """Return joint accelerations (links, row), force and moment on the body of one fin in still water."""
+        """Return joint accelerations (n, m), force and moment on the body of one fin in still water."""
         _ = digest
         fin = constants.fin
-        link_arrays, row_arrays = working_arrays(q.shape[0], q.shape[1])
+        shape = (joint_angles.shape[1], fin.station.shape[0])
+        link_arrays, row_arrays = working_arrays(shape[0], shape[1])
         c, s, w, y, z, y_rate, z_rate, torque, slope, drag, h_y, h_z, d_inverse, q_bias, g_y, g_z = link_arrays
         m_yy, m_yz, m_zz, p_y, p_z, first, second, third = row_arrays
-        q_acceleration = np.empty(q.shape)
+        q, q_rate, q_acceleration = np.empty(shape), np.empty(shape), np.empty(shape)
+        _to_rows(joint_angles, q)
+        _to_rows(joint_rates, q_rate)
         support = _support(constants.rods, side, _triple(rods[0], 0), _triple(rods[1], 0), twist, acceleration)
         a, a_slope = accelerate(
             fin, support, (0.0, 0.0, 0.0),
@@ -293,7 +306,9 @@ def _build_evaluate(digest: str) -> Callable[..., Any]:
             m_yy, m_yz, m_zz, p_y, p_z, support[3], a, a_slope, support[5],
         )
         force, moment = wrench_on_body(support, force_0, moment_0)
-        return q_acceleration, _polar(force, side), _axial(moment, side)
+        joint_accelerations = np.empty(joint_angles.shape)
+        _from_rows(q_acceleration, joint_accelerations)
+        return joint_accelerations, _polar(force, side), _axial(moment, side)
 
     return evaluate
 

@@ -136,42 +136,17 @@ class Simulator:
         """
         steps = self._whole_steps(duration)
         before = self._state
-        motion = coupling.Motion(
-            position=before.position.copy(),
-            orientation=before.orientation.copy(),
-            twist=before.twist.copy(),
-            acceleration=before.acceleration.copy(),
-            q=coupling.padded(before.joint_angles),
-            q_rate=coupling.padded(before.joint_rates),
-            gait=before.gait.copy(),
-            gait_rate=before.gait_rates.copy(),
-            command=before.gait_commands.copy(),
-            cycle_angle=before.cycle_angles.copy(),
-            rod_angles=before.rod_angles.copy(),
-            fin_wrenches=before.fin_wrenches.copy(),
-        )
+        motion = coupling.Motion(*(getattr(before, name).copy() for name in coupling.Motion._fields))
         for begin in range(0, max(steps, 1), STEPS_AT_ONCE):
             with announced_compilation():
                 taken, failed, side, chain = coupling.advance_kernel(
                     self._constants, motion, min(steps - begin, STEPS_AT_ONCE))
             if failed:
                 raise self._divergence(before, begin + taken, failed, side, chain)
-        chains = self._parameters.fin.chains
         count = before.step_count + steps
-        self._state = State(
+        self._state = State.owning(
+            **motion._asdict(),
             time=before.start_time + count * self._parameters.solver.time_step,
-            position=motion.position,
-            orientation=motion.orientation,
-            twist=motion.twist,
-            acceleration=motion.acceleration,
-            joint_angles=coupling.unpadded(motion.q, chains),
-            joint_rates=coupling.unpadded(motion.q_rate, chains),
-            rod_angles=motion.rod_angles,
-            fin_wrenches=motion.fin_wrenches,
-            gait=motion.gait,
-            gait_rates=motion.gait_rate,
-            gait_commands=motion.command,
-            cycle_angles=motion.cycle_angle,
             start_time=before.start_time,
             step_count=count,
         )
@@ -269,10 +244,9 @@ def fin_dynamics(
         )
     with announced_compilation():
         accelerations, force, moment = coupling.evaluate_kernel(
-            coupling.constants(parameters), int(side), rod_motion, coupling.padded(wrapped), coupling.padded(rates),
-            twist, acceleration,
+            coupling.constants(parameters), int(side), rod_motion, wrapped, rates, twist, acceleration,
         )
-    return coupling.unpadded(accelerations, fin.chains), np.array(force + moment)
+    return accelerations, np.array(force + moment)
 
 
 def _finite_array(name: str, values: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
