@@ -5,11 +5,12 @@ import re
 import shutil
 
 import numba
+import numpy as np
 import pytest
 
-from manta_sim_ros.dynamics import compilation
+from manta_sim_ros.dynamics import Simulator, compilation, coupling, fin_dynamics, gait
 from manta_sim_ros.dynamics.compilation import entry_kernel, source_digest
-from scenarios import PACKAGE_ROOT, run_python
+from scenarios import PACKAGE_ROOT, SWIM, TURN, run_python, sized
 
 ANNOUNCEMENT = 'compiling the dynamics for this machine'
 
@@ -87,3 +88,19 @@ def test_a_place_that_cannot_be_written_to_costs_a_warning_only(monkeypatch, cap
         double = entry_kernel(lambda x: 2.0 * x)
     assert double(1.5) == 3.0
     assert 'no locator available' in caplog.text and 'each start compiles them again' in caplog.text
+
+
+def test_arrays_of_a_state_are_taken_without_compiling_anew():
+    simulator = Simulator(sized(4, 2))
+    simulator.command(left=SWIM, right=TURN)
+    state = simulator.advance(0.2)
+    kernels = (gait._transition_kernel, coupling.evaluate_kernel, coupling.advance_kernel)
+    flat, still = np.zeros((4, 2)), np.zeros(6)
+    fin_dynamics(simulator.parameters, 0, np.zeros((2, 3)), flat, flat, still, still)
+    before = [kernel.signatures for kernel in kernels]
+    assert all(before)
+    fin_dynamics(
+        simulator.parameters, 1, np.zeros((2, 3)), state.joint_angles[1], state.joint_rates[1], state.twist,
+        state.acceleration)
+    Simulator(simulator.parameters, state=state).advance(0.2)
+    assert [kernel.signatures for kernel in kernels] == before

@@ -100,8 +100,8 @@ def check_transition(rods: Rods, side: int, value: np.ndarray, rate: np.ndarray,
     if rods.command_time_constant == 0.0:
         return
     ratio = rods.rear_radius / rods.front_radius
-    with announced_compilation():
-        largest = _transition_kernel(ratio, rods.command_time_constant, value, rate, command.as_array())
+    with announced_compilation():  # copies: Numba would compile anew for the read-only arrays of a state
+        largest = _transition_kernel(ratio, rods.command_time_constant, value.copy(), rate.copy(), command.as_array())
     bound = closure_angle(rods)
     if not largest < bound:
         apart = f'{largest:.4g} rad' if math.isfinite(largest) else 'further than the front rod can follow'

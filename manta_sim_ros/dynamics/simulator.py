@@ -250,7 +250,7 @@ def fin_dynamics(
 
 
 def _finite_array(name: str, values: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
-    array = np.ascontiguousarray(values, dtype=np.float64)
+    array = np.array(values, dtype=np.float64, order='C')  # a copy: Numba would compile anew for a read-only array
     if array.shape != shape:
         raise ValueError(f'{name} has shape {array.shape}, but must have {shape}')
     if not np.isfinite(array).all():
