@@ -13,8 +13,8 @@ from rclpy.parameter import Parameter
 
 from manta_sim_ros.dynamics.parameters import GROUPS, Group, Parameters, Quantity, quantities, quantity
 
-OTHERS = ('use_sim_time', 'start_type_description_service', 'qos_overrides.')
-"""What else a node may be started with: parameters of rclpy's."""
+OTHERS = ('use_sim_time', 'start_type_description_service')
+"""What else a node may be started with: parameters of rclpy's, and those that begin with `qos_overrides.`."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -123,9 +123,10 @@ def declare(node: Node) -> Settings:
     known = {name: about for name, _, about in all_quantities()}
     given = {name: parameter.value for name, parameter in node.get_parameters_by_prefix('').items()}
     for name in given:
-        if name in known:
-            node.undeclare_parameter(name)
-        elif not name.startswith(OTHERS):
+        if name in OTHERS or name.startswith('qos_overrides.'):
+            continue
+        node.undeclare_parameter(name)
+        if name not in known:
             near = difflib.get_close_matches(name, known, n=1)
             node.get_logger().warning(
                 f'{name} is no parameter of this node and is left out{f"; is {near[0]} meant?" if near else ""}')

@@ -28,6 +28,8 @@ PACE_WINDOW = 1.0
 PACE_WARNING_PERIOD = 5.0
 PACE_TOLERANCE = 0.95
 CLOCK_WARNING_PERIOD = 10.0
+LISTENING_SHARE = 0.1  # of the time that a tick took: for commands when the next tick is due at once
+LONGEST_WAIT = 1.0  # s
 ROUNDING = 1e-6  # of the steps due, far above that of their sum and far below a step
 
 
@@ -76,10 +78,15 @@ class SimNode(Node):
         executor = SingleThreadedExecutor(context=self.context)
         executor.add_node(self)
         while self.context.ok():
-            if time.monotonic() >= self._next_tick:
+            now = listen_until = time.monotonic()
+            if now >= self._next_tick:
                 self._tick()
-                self._next_tick = max(self._next_tick + self._tick_period, time.monotonic())  # what is late is dropped
-            executor.spin_once(timeout_sec=max(0.0, self._next_tick - time.monotonic()))
+                done = time.monotonic()
+                self._next_tick = max(self._next_tick + self._tick_period, done)  # what is late is dropped
+                listen_until = done + LISTENING_SHARE * (done - now)
+            executor.spin_once(timeout_sec=min(max(0.0, self._next_tick - time.monotonic()), LONGEST_WAIT))
+            while time.monotonic() < listen_until:
+                executor.spin_once(timeout_sec=0.0)
 
     def _set_pace(self) -> None:
         pace = self._settings.node.publish_rate * self._settings.node.real_time_factor
@@ -105,8 +112,8 @@ class SimNode(Node):
     def _advance(self) -> State:
         time_step = self._settings.model.solver.time_step
         self._steps_due += 1.0 / (self._settings.node.publish_rate * time_step)
-        steps = math.floor(self._steps_due + ROUNDING)  # at least one: publish_rate allows no less
-        self._steps_due -= steps
+        steps = max(1, math.floor(self._steps_due + ROUNDING))
+        self._steps_due = max(0.0, self._steps_due - steps)
         try:
             return self._simulator.advance(steps * time_step)
         except DivergenceError as error:
@@ -160,7 +167,7 @@ class SimNode(Node):
 
     def _check_parameters(self, parameters: list[Parameter[Any]]) -> SetParametersResult:
         try:
-            set_values(self._settings, parameters)
+            Simulator(set_values(self._settings, parameters).model, state=self._simulator.state)
         except ValueError as error:
             return SetParametersResult(successful=False, reason=str(error))
         return SetParametersResult(successful=True)

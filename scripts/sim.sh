@@ -32,6 +32,7 @@ programs=$prefix/lib/manta_sim_ros
 monitor_arguments=(-p use_sim_time:=true)
 if [ -n "${DURATION:-}" ]; then
   [[ $DURATION =~ ^[0-9]+(\.[0-9]+)?$ ]] || fail "DURATION=$DURATION is no number of seconds"
+  [[ $DURATION =~ [1-9] ]] || fail "DURATION=$DURATION must be greater than 0"
   [[ $DURATION == *.* ]] || DURATION+=.0
   monitor_arguments+=(-p "duration:=$DURATION")
 fi

@@ -148,3 +148,9 @@ def test_rods_too_far_apart_for_the_support_are_refused():
         else:
             with pytest.raises(ValueError, match='rod ends 0.3 m apart .* rods.support_length, 0.3 m'):
                 fin_dynamics(parameters, 0, rods, *moment)
+
+
+def test_a_motion_too_fast_for_numbers_is_refused():
+    rods, angles, rates, _, acceleration = any_moment(sized(4, 2), seed=9)
+    with pytest.raises(ValueError, match='too fast'):
+        fin_dynamics(sized(4, 2), 0, rods, angles, rates, np.full(6, 1e160), acceleration)

@@ -168,3 +168,17 @@ def test_no_sequence_of_accepted_commands_opens_the_closure_or_yields_a_nan(fron
                 1j * state.rod_angles[:, 1])
             assert np.all(np.abs(gap) < rods.support_length)
     assert accepted > 150 and largest > 0.9 * bound  # the bound was put to the test
+
+
+def test_a_state_on_an_accepted_way_near_the_bound_can_be_restored():
+    parameters = sized(2, 1)
+    simulator = Simulator(parameters)
+    at_rest = FinCommand(amplitude=0.0, frequency=0.0, phase=0.0)
+    start = FinCommand(amplitude=0.7252553, frequency=0.0, phase=-2.6350949)
+    simulator.command(left=start, right=at_rest)
+    simulator.advance(4.0)
+    simulator.command(
+        left=FinCommand(amplitude=0.5396337, frequency=0.0, phase=5.7688464, front_bias=0.898417), right=at_rest)
+    for _ in range(20):
+        state = simulator.advance(0.002)
+        assert Simulator(parameters, state=state).advance(0.002).time > state.time

@@ -113,6 +113,8 @@ def test_a_support_that_cannot_reach_from_rod_to_rod_is_refused():
     for front_radius, rear_radius in ((0.3, 0.1), (0.1, 0.3)):
         with pytest.raises(ValueError, match=r'^rods\.support_length is 0\.1999, .*rods\.rear_radius, 0\.2 m'):
             Rods(front_radius=front_radius, rear_radius=rear_radius, support_length=0.1999)
+    with pytest.raises(ValueError, match=r'^rods\.support_length is 0\.05'):  # equal, but for 0.235 - 0.185 rounded
+        Rods(support_length=0.05)
 
 
 def test_numbers_of_numpy_and_lists_become_plain_numbers_and_tuples():

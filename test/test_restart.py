@@ -121,5 +121,5 @@ def test_another_process_goes_on_from_a_saved_state_with_the_same_bits(tmp_path)
 
 def test_a_long_run_in_several_compiled_calls_has_the_bits_of_a_short_one(monkeypatch):
     whole = swum().advance(1.0)
-    monkeypatch.setattr(simulator_module, 'STEPS_AT_ONCE', 7)
+    monkeypatch.setattr(simulator_module, 'LINK_STEPS_AT_ONCE', 7 * whole.joint_angles.size)
     assert_same_bits(swum().advance(1.0), whole)

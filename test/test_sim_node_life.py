@@ -5,6 +5,7 @@ import signal
 import pytest
 from geometry_msgs.msg import PoseStamped, WrenchStamped
 from nav_msgs.msg import Odometry
+from rcl_interfaces.srv import GetParameters, ListParameters
 from rosgraph_msgs.msg import Clock
 from std_msgs.msg import Float64MultiArray
 
@@ -77,6 +78,8 @@ def test_a_whole_number_is_taken_and_an_unknown_name_is_warned_of(launch, probe)
     with probe.record(Odometry, '/lenient/odom') as odometry:
         probe.until(lambda: odometry, 'odometry')
     assert 'fin.chian is no parameter' in node.output and 'fin.chains' in node.output
+    described = probe.call(ListParameters, '/lenient/manta_sim/list_parameters').result.names
+    assert 'fin.chains' in described and 'fin.chian' not in described
 
 
 def test_factor_zero_runs_as_fast_as_it_can_and_still_listens(launch, probe, commander):
@@ -88,6 +91,14 @@ def test_factor_zero_runs_as_fast_as_it_can_and_still_listens(launch, probe, com
         probe.until(
             lambda: odometry[-1].pose.pose.position.x > 0.1, 'motion', doing=commander('fin_command', STRAIGHT))
         assert clock.rising
+
+
+def test_the_slowest_factor_leaves_it_alive_and_listening(launch, probe):
+    node = launch('sim_node', f'-p real_time_factor:=1.0e-12 -r __ns:=/slow {OWN_CLOCK}')
+    answer = probe.call(GetParameters, '/slow/manta_sim/get_parameters', names=['real_time_factor'])
+    assert answer.values[0].double_value == 1e-12
+    node.send(signal.SIGINT)
+    assert node.exit_status() == 0
 
 
 def test_after_a_divergence_it_says_which_step_to_try_and_goes_on(launch, probe, commander):

@@ -98,3 +98,12 @@ def test_rest_is_at_the_origin_with_flat_fins():
         np.testing.assert_array_equal(getattr(rest, name), expected)
     assert rest.joint_angles.shape == rest.joint_rates.shape == (2, 30, 3)
     assert_same_bits(Simulator().state, rest)
+
+
+@pytest.mark.parametrize(('name', 'bad'), [
+    ('start_time', None), ('start_time', 10**400), ('time', 10**400), ('step_count', 'x'), ('step_count', 2.5),
+    ('step_count', -1), ('position', 'abc'), ('twist', [1.0, [2.0]]),
+])
+def test_what_is_no_number_is_refused_by_name(state, name, bad):
+    with pytest.raises(ValueError, match=f'^state.{name}'):
+        dataclasses.replace(state, **{name: bad})

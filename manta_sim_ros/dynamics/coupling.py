@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from math import isfinite, pi
+from math import pi
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -31,6 +31,9 @@ from manta_sim_ros.dynamics.geometry import (
     turn,
 )
 from manta_sim_ros.dynamics.parameters import Parameters, Vector
+
+FASTEST = 1e3
+"""Velocity [m/s] and angular velocity [rad/s] of the body that no motion of the robot comes near: it has diverged."""
 
 
 class Constants(NamedTuple):
@@ -175,21 +178,21 @@ def _first_bad_chain(q: np.ndarray, q_rate: np.ndarray, chains: int) -> int:
 def _step_body(
     constants: Constants, motion: Motion, rotation: Rotation, current: Vector, force: Vector, moment: Vector,
 ) -> bool:
-    """Forward Euler of the body, the wrench of both fins given; return whether its motion is finite."""
+    """Forward Euler of the body, the wrench of both fins given; return whether it stays slower than `FASTEST`."""
     position, orientation, twist, acceleration = motion[:4]
     dt = constants.time_step
     velocity, omega = _triple(twist, 0), _triple(twist, 3)
     linear, angular = body_acceleration(constants.body, rotation, velocity, omega, current, force, moment)
     moved = rotate(rotation, velocity)
     turn(orientation, omega, dt)
-    finite = True
+    sound = True
     for axis in range(3):
         position[axis] += dt * moved[axis]
         acceleration[axis], acceleration[3 + axis] = linear[axis], angular[axis]
         twist[axis] += dt * linear[axis]
         twist[3 + axis] += dt * angular[axis]
-        finite = finite and isfinite(position[axis]) and isfinite(twist[axis]) and isfinite(twist[3 + axis])
-    return finite
+        sound = sound and abs(twist[axis]) < FASTEST and abs(twist[3 + axis]) < FASTEST  # also refuses nan
+    return sound
 
 
 FIN_FAILED, BODY_FAILED = 1, 2

@@ -86,6 +86,24 @@ def check_gait(rods: Rods, side: int, command: FinCommand) -> None:
         )
 
 
+def check_present_gait(rods: Rods, side: int, value: np.ndarray) -> None:
+    """Refuse a smoothed gait (5,), as a state has it, at which the support does not close.
+
+    Raises
+    ------
+    ValueError
+        Names the difference of the rod angles, and the bound.
+
+    """
+    difference = largest_rod_difference(rods.rear_radius / rods.front_radius, value)
+    bound = closure_angle(rods)
+    if not difference < bound:
+        raise ValueError(
+            f'{SIDES[side]} state.gait {value.tolist()} sets the rods {difference:.4g} rad apart in the cycle, but the '
+            f'support closes only below {bound:.4g} rad'
+        )
+
+
 def check_transition(rods: Rods, side: int, value: np.ndarray, rate: np.ndarray, command: FinCommand) -> None:
     """Refuse a command whose smoothed way from the present gait, `value` and `rate` (5,), breaks the closure.
 

@@ -163,7 +163,7 @@ class Rods(Group):
         """Check each field, then that the support can reach from rod to rod with the fin flat."""
         super().__post_init__()
         gap = abs(self.front_radius - self.rear_radius)
-        if not self.support_length > gap:
+        if not self.support_length > gap * (1.0 + 1e-9):  # an equal length, rounded, does not close either
             raise ValueError(
                 f'rods.support_length is {self.support_length!r}, but must be greater than the difference of '
                 f'rods.front_radius and rods.rear_radius, {gap:g} m, or the support cannot close'

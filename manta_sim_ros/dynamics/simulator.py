@@ -11,7 +11,7 @@ import numpy as np
 
 from manta_sim_ros.dynamics import coupling
 from manta_sim_ros.dynamics.compilation import announced_compilation
-from manta_sim_ros.dynamics.gait import REST, SIDES, FinCommand, check_gait, check_transition
+from manta_sim_ros.dynamics.gait import REST, SIDES, FinCommand, check_gait, check_present_gait, check_transition
 from manta_sim_ros.dynamics.parameters import Parameters
 from manta_sim_ros.dynamics.state import State
 
@@ -19,8 +19,8 @@ WHOLE_STEPS_TOLERANCE = 1e-6
 """How far a duration may be from a whole number of steps, in steps: the rounding of decimal fractions, no more."""
 
 
-STEPS_AT_ONCE = 50_000
-"""Steps in one compiled call, about a second of computing: between calls Ctrl-C is heard."""
+LINK_STEPS_AT_ONCE = 5_000_000
+"""Steps times links in one compiled call, about a second of computing: between calls Ctrl-C is heard."""
 
 MOST_STEPS = 2**53
 """More steps than this a float cannot count."""
@@ -93,7 +93,7 @@ class Simulator:
         for side in range(2):
             command = FinCommand(*state.gait_commands[side])
             check_gait(self._parameters.rods, side, command)
-            check_transition(self._parameters.rods, side, state.gait[side], state.gait_rates[side], command)
+            check_present_gait(self._parameters.rods, side, state.gait[side])  # the way on from it was checked before
         step = self._parameters.solver.time_step
         if state.time != state.start_time + state.step_count * step:  # it comes from elsewhere: count anew from here
             state = dataclasses.replace(state, start_time=state.time, step_count=0)
@@ -130,17 +130,19 @@ class Simulator:
         ValueError
             `duration` is negative, not finite or no whole number of steps.
         DivergenceError
-            A joint passed +-pi or a value is not finite; gives time, fin, chain and a time step to try. The simulator
+            A joint passed +-pi, the body is absurdly fast or a value is not finite; gives time, fin, chain and a step
+            to try. The simulator
             stays where it was before.
 
         """
         steps = self._whole_steps(duration)
         before = self._state
         motion = coupling.Motion(*(getattr(before, name).copy() for name in coupling.Motion._fields))
-        for begin in range(0, max(steps, 1), STEPS_AT_ONCE):
+        at_once = max(1, LINK_STEPS_AT_ONCE // before.joint_angles.size)
+        for begin in range(0, max(steps, 1), at_once):
             with announced_compilation():
                 taken, failed, side, chain = coupling.advance_kernel(
-                    self._constants, motion, min(steps - begin, STEPS_AT_ONCE))
+                    self._constants, motion, min(steps - begin, at_once))
             if failed:
                 raise self._divergence(before, begin + taken, failed, side, chain)
         count = before.step_count + steps
@@ -171,7 +173,7 @@ class Simulator:
         where = (
             f'a joint of chain {chain} of the {SIDES[side]} fin passed +-pi or is not finite'
             if failed == coupling.FIN_FAILED
-            else "the body's motion is not finite"
+            else f'the body moves faster than {coupling.FASTEST:g} m/s or rad/s'
         )
         return DivergenceError(
             f'at {time:.6g} s {where}: solver.time_step is {time_step:g} s, too large for this motion; '
@@ -220,7 +222,8 @@ def fin_dynamics(
     Raises
     ------
     ValueError
-        `side` is not 0 or 1, an array has a wrong shape or is not finite, or the support does not close.
+        `side` is not 0 or 1, an array has a wrong shape or is not finite, the support does not close, or the motion is
+        so fast that the result is not finite.
 
     """
     if isinstance(side, bool) or not isinstance(side, numbers.Integral) or side not in (0, 1):
@@ -246,7 +249,10 @@ def fin_dynamics(
         accelerations, force, moment = coupling.evaluate_kernel(
             coupling.constants(parameters), int(side), rod_motion, wrapped, rates, twist, acceleration,
         )
-    return accelerations, np.array(force + moment)
+    wrench = np.array(force + moment)
+    if not (np.isfinite(accelerations).all() and np.isfinite(wrench).all()):
+        raise ValueError('the motion is too fast: joint accelerations or wrench are not finite')
+    return accelerations, wrench
 
 
 def _finite_array(name: str, values: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:

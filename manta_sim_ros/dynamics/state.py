@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import numbers
 from typing import Any
 
 import numpy as np
@@ -22,6 +23,9 @@ SHAPES: dict[str, tuple[int, ...]] = {
     'cycle_angles': (2,),
 }
 """Shapes of the arrays of a state; joint_angles and joint_rates are (2, n, m)."""
+
+LONGEST_TIME = 1e12
+"""Bound of a state's time [s]: beyond it a float no longer tells one step from the next."""
 
 UNIT_TOLERANCE = 1e-6
 """How far from 1 the norm of an orientation may be: digits of a value that was printed, not a wrong one."""
@@ -73,8 +77,15 @@ class State:
 
     def __post_init__(self) -> None:
         """Copy the arrays, make them read-only, and check them."""
-        if not (isinstance(self.time, int | float) and np.isfinite(self.time)):
-            raise ValueError(f'state.time is {self.time!r}, but must be a finite number [s]')
+        for name in ('time', 'start_time'):
+            value: Any = getattr(self, name)
+            real = isinstance(value, numbers.Real) and not isinstance(value, bool)
+            if not (real and -LONGEST_TIME < value < LONGEST_TIME):
+                raise ValueError(f'state.{name} is {value!r}, but must be a finite number within {LONGEST_TIME:g} s')
+            object.__setattr__(self, name, float(value))
+        count = self.step_count
+        if isinstance(count, bool) or not isinstance(count, numbers.Integral) or count < 0:
+            raise ValueError(f'state.step_count is {count!r}, but must be a whole number from 0')
         for field in dataclasses.fields(self):
             if field.name in SHAPES or field.name in ('joint_angles', 'joint_rates'):
                 object.__setattr__(self, field.name, self._checked_array(field.name))
@@ -94,7 +105,10 @@ class State:
         return type(self), tuple(getattr(self, field.name) for field in dataclasses.fields(self))
 
     def _checked_array(self, name: str) -> np.ndarray:
-        array = np.array(getattr(self, name), dtype=np.float64)
+        try:
+            array = np.array(getattr(self, name), dtype=np.float64)
+        except (TypeError, ValueError) as error:
+            raise ValueError(f'state.{name} must be an array of numbers: {error}') from error
         if name in SHAPES and array.shape != SHAPES[name]:
             raise ValueError(f'state.{name} has shape {array.shape}, but must have {SHAPES[name]}')
         if not np.isfinite(array).all():
