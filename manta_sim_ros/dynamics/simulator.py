@@ -18,7 +18,6 @@ from manta_sim_ros.dynamics.state import State
 WHOLE_STEPS_TOLERANCE = 1e-6
 """How far a duration may be from a whole number of steps, in steps: the rounding of decimal fractions, no more."""
 
-
 LINK_STEPS_AT_ONCE = 5_000_000
 """Steps times links in one compiled call, about a second of computing: between calls Ctrl-C is heard."""
 
@@ -27,7 +26,7 @@ MOST_STEPS = 2**53
 
 
 class DivergenceError(ValueError):
-    """The time step is too large for this motion: a joint passed +-pi or the state is not finite any more."""
+    """The time step is too large for this motion: a joint passed +-pi or is not finite, or the body runs away."""
 
 
 class Simulator:
@@ -69,7 +68,7 @@ class Simulator:
         ------
         ValueError
             `state` does not fit the parameters: another number of chains or links, a joint past +-pi, an impossible
-            gait. The simulator stays where it was.
+            gait, or a moving body with `solver.fixed_base`. The simulator stays where it was.
 
         """
         if state is None:
