@@ -184,7 +184,7 @@ def descriptor(name: str, known: Quantity) -> ParameterDescriptor:
     elif known.kind is tuple:
         described.additional_constraints = f'3 numbers, each {_bounds(known)}'
     elif known.kind is str:
-        described.additional_constraints = 'a text that is not empty'
+        described.additional_constraints = ' or '.join(known.choices) or 'a text that is not empty'
     return described
 
 

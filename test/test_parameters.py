@@ -12,7 +12,8 @@ from manta_sim_ros.dynamics.parameters import GROUPS, Fin, Rods, Water, quantiti
 from scenarios import variant
 
 DEFAULTS = {  # Table 1 of the paper, and what the model supplies where the paper is silent
-    'water': {'density': 9800.0, 'current': (0.0, 0.0, 0.0)},
+    'water': {
+        'density': 9800.0, 'current': (0.0, 0.0, 0.0), 'added_mass_coefficient': 0.0, 'added_mass_density': 1000.0},
     'body': {
         'mass': 20.0, 'inertia': (1.33, 1.93, 2.73), 'drag_area': (0.32, 0.4, 0.8),
         'drag_coefficient': (0.02, 0.04, 0.1), 'angular_damping': (0.015, 0.01, 0.02),
@@ -23,7 +24,7 @@ DEFAULTS = {  # Table 1 of the paper, and what the model supplies where the pape
     'fin': {
         'chains': 30, 'links': 3, 'span': 0.30, 'thickness': 0.012, 'youngs_modulus': 1e8, 'joint_damping': 0.1,
         'drag_coefficient': 1.2, 'density': 1000.0},
-    'solver': {'time_step': 0.002, 'fixed_base': False},
+    'solver': {'time_step': 0.002, 'fixed_base': False, 'coupling': 'sequential'},
 }
 QUANTITIES = [(group, name, known) for group, kind in GROUPS.items() for name, known in quantities(kind)]
 NUMBERS = [case for case in QUANTITIES if case[2].kind in (int, float)]
@@ -84,6 +85,21 @@ def test_a_bad_vector_is_refused_by_name_with_its_bounds(group, name, known):
 @pytest.mark.parametrize('bad', [0, 1, 'false', None, np.True_])
 def test_a_switch_takes_true_and_false_only(bad):
     assert_refused('solver', 'fixed_base', bad, why='true or false')
+
+
+@pytest.mark.parametrize('bad', ['', 'Monolithic', 'both', 1, None, True])
+def test_the_coupling_is_one_of_two(bad):
+    for good in ('sequential', 'monolithic'):
+        assert GROUPS['solver'](coupling=good).coupling == good
+    assert_refused('solver', 'coupling', bad, why='sequential or monolithic' if bad and isinstance(bad, str) else 'text')
+
+
+def test_added_mass_is_refused_with_the_sequential_coupling_and_the_reason():
+    with pytest.raises(ValueError, match=r'^water\.added_mass_coefficient is 0\.5, but must be 0 with solver\.coupling '
+                                         r'sequential: .* diverges; set solver\.coupling to monolithic'):
+        variant(water={'added_mass_coefficient': 0.5})
+    made = variant(water={'added_mass_coefficient': 0.5}, solver={'coupling': 'monolithic'})
+    assert made.water.added_mass_coefficient == 0.5
 
 
 @pytest.mark.parametrize(('group', 'name', 'known'), NUMBERS, ids=ids(NUMBERS))

@@ -14,13 +14,16 @@ import yaml
 
 Vector = tuple[float, float, float]
 
+SEQUENTIAL, MONOLITHIC = 'sequential', 'monolithic'
+"""What `solver.coupling` may be."""
+
 
 @dataclasses.dataclass(frozen=True)
 class Quantity:
     """What is known about one parameter, whatever its present value.
 
     `kind` is bool, int, float, str, or tuple for a vector of three numbers. `low` and `high` are the bounds, both
-    included; for a vector they hold for each component.
+    included; for a vector they hold for each component. A text has `choices`, or none when any will do.
     """
 
     kind: type
@@ -29,12 +32,15 @@ class Quantity:
     high: float
     description: str
     source: str
+    choices: tuple[str, ...] = ()
 
 
-def quantity(default: Any, unit: str, low: float, high: float, description: str, source: str) -> Any:
+def quantity(
+    default: Any, unit: str, low: float, high: float, description: str, source: str, choices: tuple[str, ...] = (),
+) -> Any:
     """Return a dataclass field that carries its `Quantity`; `default` is the value, or float for one to be given."""
     kind = default if isinstance(default, type) else type(default)
-    known = Quantity(kind, unit, low, high, description, source)
+    known = Quantity(kind, unit, low, high, description, source, choices)
     if default is kind:
         return dataclasses.field(metadata={'quantity': known})
     return dataclasses.field(default=default, metadata={'quantity': known})
@@ -73,6 +79,8 @@ def checked(name: str, value: Any, known: Quantity) -> Any:
     if known.kind is str:
         if not isinstance(value, str) or not value:
             raise ValueError(f'{name} is {value!r}, but must be a text that is not empty')
+        if known.choices and value not in known.choices:
+            raise ValueError(f'{name} is {value!r}, but must be {" or ".join(known.choices)}')
         return value
     if known.kind is tuple:
         parts = value.tolist() if hasattr(value, 'tolist') else value
@@ -110,6 +118,15 @@ class Water(Group):
     )
     current: Vector = quantity(
         (0.0, 0.0, 0.0), 'm/s', -10.0, 10.0, 'velocity of the water, world frame [x, y, z]', 'still water in the paper',
+    )
+    added_mass_coefficient: float = quantity(
+        0.0, '', 0.0, 10.0,
+        "added mass C_a of the fins in Morison's equation, 1 for a thin plate; needs solver.coupling monolithic",
+        'none in the paper',
+    )
+    added_mass_density: float = quantity(
+        1000.0, 'kg/m^3', 0.0, 1e5, 'density rho_a of the water that the fins set in motion, for their added mass',
+        'fresh water',
     )
 
 
@@ -201,6 +218,11 @@ class Solver(Group):
     fixed_base: bool = quantity(
         False, '', 0, 1, 'hold the body still, as in a tank test', 'Section 5.1',
     )
+    coupling: str = quantity(
+        SEQUENTIAL, '', 0, 0,
+        'how fins and body are coupled: one after the other in each step, or solved together at every stage',
+        "Section 4; monolithic is not the paper's", choices=(SEQUENTIAL, MONOLITHIC),
+    )
 
 
 class _ParameterLoader(yaml.SafeLoader):
@@ -236,6 +258,12 @@ class Parameters:
         for name, kind in GROUPS.items():
             if not isinstance(getattr(self, name), kind):
                 raise ValueError(f'{name} is {getattr(self, name)!r}, but must be a {kind.__name__}')
+        if self.water.added_mass_coefficient > 0.0 and self.solver.coupling != MONOLITHIC:
+            raise ValueError(
+                f'water.added_mass_coefficient is {self.water.added_mass_coefficient:g}, but must be 0 with '
+                f'solver.coupling {self.solver.coupling}: added mass makes the fins heavy against the body, and a wrench '
+                f'of the step before then diverges; set solver.coupling to {MONOLITHIC}'
+            )
 
     @classmethod
     def from_groups(cls, groups: Mapping[str, Mapping[str, Any]]) -> Parameters:
