@@ -67,7 +67,7 @@ class SimNode(Node):
 
     def start(self) -> None:
         """Compile or load the dynamics, and begin to simulate."""
-        prepare(self.get_logger().info)
+        prepare(self._settings.model, self.get_logger().info)
         self._set_pace()
 
     def spin(self) -> None:

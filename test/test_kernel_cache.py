@@ -8,7 +8,7 @@ import numba
 import numpy as np
 import pytest
 
-from manta_sim_ros.dynamics import Simulator, compilation, coupling, fin_dynamics, gait
+from manta_sim_ros.dynamics import Simulator, compilation, fin_dynamics, gait, monolithic, sequential
 from manta_sim_ros.dynamics.compilation import entry_kernel, source_digest
 from scenarios import PACKAGE_ROOT, SWIM, TURN, run_python, sized
 
@@ -16,12 +16,12 @@ ANNOUNCEMENT = 'compiling the dynamics for this machine'
 
 EVALUATE = """
 import numpy as np
-from manta_sim_ros.dynamics import Parameters, Simulator, coupling, fin_dynamics
+from manta_sim_ros.dynamics import Parameters, Simulator, fin_dynamics, simulator
 
 moment = np.full((30, 3), 0.1)
 accelerations, wrench = fin_dynamics(Parameters(), 0, np.ones((2, 3)), moment, moment, np.ones(6), np.ones(6))
 Simulator().advance(0.0)
-print(coupling.__file__)
+print(simulator.__file__)
 print((accelerations.tobytes() + wrench.tobytes()).hex())
 """
 
@@ -67,7 +67,7 @@ def test_the_digest_changes_with_every_source(copied_package):
     folder = copied_package / 'manta_sim_ros' / 'dynamics'
     seen = [digest()]
     assert seen[0] == source_digest()  # it depends on contents, not on the place
-    for name in ('fin.py', 'geometry.py', 'actuation.py', 'gait.py', 'body.py'):
+    for name in ('fin.py', 'articulated.py', 'geometry.py', 'actuation.py', 'gait.py', 'body.py', 'coupling.py'):
         assert (folder / name).is_file()
         with (folder / name).open('a', encoding='utf-8') as file:
             file.write('\n')
@@ -90,8 +90,9 @@ def test_a_place_that_cannot_be_written_to_costs_a_warning_only(monkeypatch, cap
     assert 'no locator available' in caplog.text and 'each start compiles them again' in caplog.text
 
 
-def test_arrays_of_a_state_are_taken_without_compiling_anew():
-    simulator = Simulator(sized(4, 2))
+@pytest.mark.parametrize('coupling', [sequential, monolithic])
+def test_arrays_of_a_state_are_taken_without_compiling_anew(coupling):
+    simulator = Simulator(sized(4, 2, solver={'coupling': coupling.__name__.rpartition('.')[2]}))
     simulator.command(left=SWIM, right=TURN)
     state = simulator.advance(0.2)
     kernels = (gait._transition_kernel, coupling.evaluate_kernel, coupling.advance_kernel)

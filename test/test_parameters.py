@@ -91,7 +91,8 @@ def test_a_switch_takes_true_and_false_only(bad):
 def test_the_coupling_is_one_of_two(bad):
     for good in ('sequential', 'monolithic'):
         assert GROUPS['solver'](coupling=good).coupling == good
-    assert_refused('solver', 'coupling', bad, why='sequential or monolithic' if bad and isinstance(bad, str) else 'text')
+    is_text = isinstance(bad, str) and bad
+    assert_refused('solver', 'coupling', bad, why='sequential or monolithic' if is_text else 'text')
 
 
 def test_added_mass_is_refused_with_the_sequential_coupling_and_the_reason():

@@ -36,6 +36,7 @@ class FinConstants(NamedTuple):
     stiffness: float  # 2 E I / dl [N], with I = h^3 / 12
     damping: float  # c [N s]
     drag: float  # rho C_D dl / 2 [kg/m^2]
+    added_mass: float  # C_a rho_a pi L dl / 4 [kg/m]
 
 
 class Links(NamedTuple):

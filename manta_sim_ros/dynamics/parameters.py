@@ -261,8 +261,8 @@ class Parameters:
         if self.water.added_mass_coefficient > 0.0 and self.solver.coupling != MONOLITHIC:
             raise ValueError(
                 f'water.added_mass_coefficient is {self.water.added_mass_coefficient:g}, but must be 0 with '
-                f'solver.coupling {self.solver.coupling}: added mass makes the fins heavy against the body, and a wrench '
-                f'of the step before then diverges; set solver.coupling to {MONOLITHIC}'
+                f'solver.coupling {self.solver.coupling}: the fins are then heavy against the body, and one after the '
+                f'other they diverge; set solver.coupling to {MONOLITHIC}'
             )
 
     @classmethod

@@ -6,13 +6,14 @@ import dataclasses
 import math
 import numbers
 from collections.abc import Callable
+from types import ModuleType
 
 import numpy as np
 
-from manta_sim_ros.dynamics import coupling
+from manta_sim_ros.dynamics import coupling, monolithic, sequential
 from manta_sim_ros.dynamics.compilation import announced_compilation
 from manta_sim_ros.dynamics.gait import REST, SIDES, FinCommand, check_gait, check_present_gait, check_transition
-from manta_sim_ros.dynamics.parameters import Parameters
+from manta_sim_ros.dynamics.parameters import MONOLITHIC, SEQUENTIAL, Parameters
 from manta_sim_ros.dynamics.state import State
 
 WHOLE_STEPS_TOLERANCE = 1e-6
@@ -23,6 +24,8 @@ LINK_STEPS_AT_ONCE = 5_000_000
 
 MOST_STEPS = 2**53
 """More steps than this a float cannot count."""
+
+_KERNELS: dict[str, ModuleType] = {SEQUENTIAL: sequential, MONOLITHIC: monolithic}
 
 
 class DivergenceError(ValueError):
@@ -135,12 +138,12 @@ class Simulator:
 
         """
         steps = self._whole_steps(duration)
-        before = self._state
+        before, kernels = self._state, _KERNELS[self._parameters.solver.coupling]
         motion = coupling.Motion(*(getattr(before, name).copy() for name in coupling.Motion._fields))
         at_once = max(1, LINK_STEPS_AT_ONCE // before.joint_angles.size)
         for begin in range(0, max(steps, 1), at_once):
             with announced_compilation():
-                taken, failed, side, chain = coupling.advance_kernel(
+                taken, failed, side, chain = kernels.advance_kernel(
                     self._constants, motion, min(steps - begin, at_once))
             if failed:
                 raise self._divergence(before, begin + taken, failed, side, chain)
@@ -180,10 +183,10 @@ class Simulator:
         )
 
 
-def prepare(announce: Callable[[str], object]) -> None:
-    """Have the kernels of `Simulator` compiled or loaded now; `announce` gets one line if they must be compiled."""
+def prepare(parameters: Parameters, announce: Callable[[str], object]) -> None:
+    """Have the kernels that `parameters` need compiled or loaded; `announce` gets one line if they must be compiled."""
     with announced_compilation(announce):
-        simulator = Simulator()
+        simulator = Simulator(parameters)
         simulator.command(left=REST, right=REST)
         simulator.advance(0.0)
 
@@ -197,7 +200,7 @@ def fin_dynamics(
     body_twist: np.ndarray,
     body_acceleration: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Evaluate (6) to (33) for one fin in still water, in any state.
+    """Evaluate (6) to (33) for one fin in still water, in any state, with its added mass if there is any.
 
     Parameters
     ----------
@@ -245,7 +248,7 @@ def fin_dynamics(
             f'rods.support_length, {rods.support_length:g} m'
         )
     with announced_compilation():
-        accelerations, force, moment = coupling.evaluate_kernel(
+        accelerations, force, moment = _KERNELS[parameters.solver.coupling].evaluate_kernel(
             coupling.constants(parameters), int(side), rod_motion, wrapped, rates, twist, acceleration,
         )
     wrench = np.array(force + moment)

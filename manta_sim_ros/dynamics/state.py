@@ -53,7 +53,8 @@ class State:
     twist: np.ndarray
     """(6,) V [m/s], Omega [rad/s]."""
     acceleration: np.ndarray
-    """(6,) derivative of the twist's components in the step before [m/s^2, rad/s^2], which the next step's fins see."""
+    """(6,) derivative of the twist's components [m/s^2, rad/s^2]. With the sequential coupling that of the step before,
+    which the next step's fins see; with the monolithic one that at `time`."""
     joint_angles: np.ndarray
     """(2, n, m) [fin, chain, link] [rad], positive with the tip up on both sides."""
     joint_rates: np.ndarray
