@@ -35,6 +35,7 @@ from numpy.typing import NDArray  # noqa: E402
 
 import literal_model  # noqa: E402
 from manta_sim_ros.dynamics import FinCommand, Parameters, Simulator  # noqa: E402
+from manta_sim_ros.dynamics.parameters import MONOLITHIC  # noqa: E402
 from mujoco_tree import swimmer_model  # noqa: E402
 from pinocchio_tree import swimmer_tree  # noqa: E402
 
@@ -130,9 +131,13 @@ def compare(parameters: Parameters, quick: bool) -> dict[str, float]:
     tree, least = swimmer_tree(parameters), pinocchio.Model()
     least.addJoint(0, pinocchio.JointModelFreeFlyer(), pinocchio.SE3.Identity(), 'body')
     least.appendBodyToJoint(1, tree.inertias[1], pinocchio.SE3.Identity())
+    together = dataclasses.replace(parameters, solver=dataclasses.replace(parameters.solver, coupling=MONOLITHIC))
+    heavy = dataclasses.replace(together, water=dataclasses.replace(parameters.water, added_mass_coefficient=1.0))
     scale = 1 if quick else 8
     timings = interleaved([
         stepper('our step', swimming(parameters, lead_in=2.0), parameters, 100 * scale),
+        stepper('monolithic step', swimming(together, lead_in=2.0), parameters, 100 * scale),
+        stepper('monolithic step with added mass', swimming(heavy, lead_in=2.0), parameters, 100 * scale),
         aba('aba local', tree, pinocchio.Convention.LOCAL, 50 * scale),
         aba('aba world', tree, pinocchio.Convention.WORLD, 50 * scale),
         aba('aba of one body', least, pinocchio.Convention.WORLD, 200 * scale),
@@ -143,6 +148,8 @@ def compare(parameters: Parameters, quick: bool) -> dict[str, float]:
     evaluation = ours / EVALUATIONS
     figures = {
         'our step [s]': ours,
+        'monolithic step [s]': timings['monolithic step'],
+        'monolithic step with added mass [s]': timings['monolithic step with added mass'],
         'our evaluation [s]': evaluation,
         'aba local [s]': timings['aba local'] - call,
         'aba world [s]': timings['aba world'] - call,
@@ -153,6 +160,8 @@ def compare(parameters: Parameters, quick: bool) -> dict[str, float]:
         'aba world / our evaluation': (timings['aba world'] - call) / evaluation,
         'mujoco step / our step': timings['mujoco step'] / ours,
         'literal step / our step': timings['literal step'] / ours,
+        'monolithic step / our step': timings['monolithic step'] / ours,
+        'with added mass / our step': timings['monolithic step with added mass'] / ours,
         'ours for the paper span [s]': ours * PAPER_SPAN / parameters.solver.time_step,
         'paper / ours': PAPER_TIME / (ours * PAPER_SPAN / parameters.solver.time_step),
     }
@@ -195,6 +204,8 @@ def _processor() -> str:
 
 TIMES = {  # figure: what it is
     'our step': 'our step: both fins, RK4, wrench, body',
+    'monolithic step': 'our step, monolithic coupling',
+    'monolithic step with added mass': 'our step, monolithic, with added mass',
     'our evaluation': f'our evaluation: step / {EVALUATIONS}',
     'aba local': 'Pinocchio aba of the same tree, LOCAL',
     'aba world': 'Pinocchio aba, WORLD, its faster way',
@@ -209,6 +220,10 @@ RATIOS = {  # figure: at least, hoped for
     'literal step / our step': '1000',
     'paper / ours': '',
 }
+COSTS = {  # figure: at most
+    'monolithic step / our step': '2',
+    'with added mass / our step': '2',
+}
 
 
 def report(figures: dict) -> str:
@@ -220,6 +235,8 @@ def report(figures: dict) -> str:
              f'the paper {PAPER_TIME} s (another machine)']
     rows += ['', f'{"how many times ours is faster":<47}now   goal, hope']
     rows += [f'  {name:<40}{compared[name]:10.1f}   {goal}' for name, goal in RATIOS.items()]
+    rows += ['', f'{"how many times as costly as the step":<47}now   at most']
+    rows += [f'  {name:<40}{compared[name]:10.2f}   {bound}' for name, bound in COSTS.items()]
     for quantity, cost in figures['cost'].items():
         rows += ['', f'cost of a step: time ~ {quantity}^{cost["exponent"]:.2f}, '
                      f'the larger half ~ {quantity}^{cost["exponent of the larger half"]:.2f}',

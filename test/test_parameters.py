@@ -97,7 +97,7 @@ def test_the_coupling_is_one_of_two(bad):
 
 def test_added_mass_is_refused_with_the_sequential_coupling_and_the_reason():
     with pytest.raises(ValueError, match=r'^water\.added_mass_coefficient is 0\.5, but must be 0 with solver\.coupling '
-                                         r'sequential: .* diverges; set solver\.coupling to monolithic'):
+                                         r'sequential: .* diverge; set solver\.coupling to monolithic'):
         variant(water={'added_mass_coefficient': 0.5})
     made = variant(water={'added_mass_coefficient': 0.5}, solver={'coupling': 'monolithic'})
     assert made.water.added_mass_coefficient == 0.5
