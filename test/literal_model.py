@@ -241,9 +241,9 @@ def _transform(transforms: list[np.ndarray], j: int, i: int) -> np.ndarray:
     return product
 
 
-def _composite_inertias(parameters: Parameters, transforms: list[np.ndarray]) -> list[np.ndarray]:
-    """Return M*_j of (26), from tip to root."""
-    composite = [_link_inertia(parameters) for _ in transforms]
+def _composite_inertias(inertias: list[np.ndarray], transforms: list[np.ndarray]) -> list[np.ndarray]:
+    """Return M*_j of (26), from tip to root, of links with `inertias` M_j."""
+    composite = list(inertias)
     for j in reversed(range(len(transforms) - 1)):
         composite[j] = composite[j] + transforms[j + 1].T @ composite[j + 1] @ transforms[j + 1]
     return composite
@@ -262,9 +262,9 @@ def _mass_matrix(transforms: list[np.ndarray], composite: list[np.ndarray]) -> n
 
 
 def mass_matrix(parameters: Parameters, joint_angles: np.ndarray) -> np.ndarray:
-    """Return M (m, m) [kg m], per unit chord, of one chain with `joint_angles` (m,) [rad], (30)."""
+    """Return M (m, m) [kg m], per unit chord, of one chain with `joint_angles` (m,) [rad], (30), without added mass."""
     transforms = _link_transforms(parameters, joint_angles)
-    return _mass_matrix(transforms, _composite_inertias(parameters, transforms))
+    return _mass_matrix(transforms, _composite_inertias([_link_inertia(parameters)] * len(transforms), transforms))
 
 
 def _link_twists(transforms: list[np.ndarray], joint_rates: np.ndarray, base_twist: np.ndarray) -> list[np.ndarray]:
@@ -318,6 +318,27 @@ def _drag_wrench(
     return np.hstack([force, np.cross(center, force)])
 
 
+def _added_mass(parameters: Parameters) -> float:
+    """Return m_a [kg/m], per unit chord: C_a times the water in a cylinder on the chord, (pi / 4) L^2 dl, over L."""
+    water, length = parameters.water, parameters.rods.support_length
+    return water.added_mass_coefficient * water.added_mass_density * np.pi / 4.0 * length * _link_length(parameters)
+
+
+def _added_inertia(parameters: Parameters, twist: np.ndarray, normal: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return what the water that a link sets in motion adds to its inertia (6, 6) and bias (6,), per unit chord.
+
+    The load on the midpoint c is -m_a n (n . a), Morison's inertia term, a the midpoint's acceleration in the inertial
+    frame: V_dot + Omega x V + Omega_dot x c + Omega x (Omega x c). What of a is in eta_j_dot makes an inertia of rank
+    one, the rest a bias; there is no more to it, no (18) of its own. `twist` and `normal` are in F_j, as the results,
+    which are about O_j.
+    """
+    center, (V, Omega) = _center_of_mass(parameters), np.split(twist, 2)
+    direction = np.hstack([normal, np.cross(center, normal)])
+    velocity_products = np.cross(Omega, V) + np.cross(Omega, np.cross(Omega, center))
+    mass = _added_mass(parameters)
+    return mass * np.outer(direction, direction), mass * direction * (normal @ velocity_products)
+
+
 def _chain_dynamics(
     parameters: Parameters, joint_angles: np.ndarray, joint_rates: np.ndarray, normals: np.ndarray,
     base_twist: np.ndarray, base_acceleration: np.ndarray, water_velocity: np.ndarray,
@@ -330,22 +351,26 @@ def _chain_dynamics(
     The torque of a joint's spring and damper acts between two links: +tau_j on link j, -tau_j on link j - 1 or the
     support. It is thus the part of f_j along the joint, A_j^T f_j = tau_j, and no external wrench as (19) has it in
     print. Q is then minus the gradient of the elastic energy, as (14) and (29) demand.
+
+    The added mass is no part of the paper. It joins each link's M_j and beta_j.
     """
     links = len(joint_angles)
     transforms = _link_transforms(parameters, joint_angles)
-    inertia = _link_inertia(parameters)
 
     # forward: (16), zeta of (17), beta of (18), the external wrench (19)
     twists = _link_twists(transforms, joint_rates, base_twist)
     zeta = [_ad(twist) @ JOINT_AXIS * rate for twist, rate in zip(twists, joint_rates)]
-    beta = [_gyroscopic_wrench(inertia, twist) for twist in twists]
-    external = []
+    inertias, beta, external = [], [], []
     for j in range(links):
         rotation = _transform(transforms, j, -1)[3:, 3:]
+        inertia = _link_inertia(parameters)
+        added_inertia, added_bias = _added_inertia(parameters, twists[j], rotation @ normals[j])
+        inertias.append(inertia + added_inertia)
+        beta.append(_gyroscopic_wrench(inertia, twists[j]) + added_bias)
         external.append(_drag_wrench(parameters, twists[j], rotation @ normals[j], rotation @ water_velocity))
 
     # backward: (26)
-    composite = _composite_inertias(parameters, transforms)
+    composite = _composite_inertias(inertias, transforms)
     beta_star = [beta[j] - external[j] for j in range(links)]
     for j in reversed(range(links - 1)):
         beta_star[j] = beta_star[j] + transforms[j + 1].T @ (beta_star[j + 1] + composite[j + 1] @ zeta[j + 1])
@@ -443,7 +468,7 @@ def rest_state(parameters: Parameters) -> LiteralState:
         acceleration=np.zeros(6), joint_angles=joints, joint_rates=joints, fin_wrenches=np.zeros((2, 6)))
 
 
-def _quaternion_rate(orientation: np.ndarray, angular_velocity: np.ndarray) -> np.ndarray:
+def quaternion_rate(orientation: np.ndarray, angular_velocity: np.ndarray) -> np.ndarray:
     """Return the derivative (4,) of a quaternion xyzw: half its product with (Omega, 0), Omega in F_b."""
     v, w = orientation[:3], orientation[3]
     return 0.5 * np.hstack([w * angular_velocity + np.cross(v, angular_velocity), -v @ angular_velocity])
@@ -492,7 +517,7 @@ def step(parameters: Parameters, state: LiteralState, rod_motion: RodMotion) -> 
         return moved
 
     acceleration = body_acceleration(parameters, state.orientation, state.twist, np.sum(wrenches, axis=0))
-    orientation = state.orientation + dt * _quaternion_rate(state.orientation, state.twist[3:])
+    orientation = state.orientation + dt * quaternion_rate(state.orientation, state.twist[3:])
     return dataclasses.replace(
         moved,
         position=state.position + dt * orientation_matrix(state.orientation) @ state.twist[:3],

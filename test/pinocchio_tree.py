@@ -1,8 +1,9 @@
 """The fins and the whole robot as Pinocchio trees: a peer that owes nothing to the paper's recursion.
 
 Pinocchio solves the tree; the support's motion comes from the position of its mechanism alone, differentiated by exact
-second-order arithmetic; drag, elasticity and damping are plain NumPy. The right fin is built as it stands, hinged about
--x_0 with its chains along -y_0, not mirrored from the left one, so the mirror rule of the model is under test too.
+second-order arithmetic; drag, added mass, elasticity and damping are plain NumPy. The right fin is built as it stands,
+hinged about -x_0 with its chains along -y_0, not mirrored from the left one, so the mirror rule of the model is under
+test too.
 """
 
 from __future__ import annotations
@@ -186,23 +187,44 @@ def swimmer_tree(parameters: Parameters) -> pinocchio.Model:
     return model
 
 
-def drag_forces(parameters: Parameters, roots: NDArray, tips: NDArray, velocities: NDArray) -> NDArray:
-    """Morison drag at each link's midpoint, (11) and (12), per unit chord: (n, m, 3) [N/m].
-
-    `roots`, `tips` (n, m, 3) [m]: the links' ends; `velocities` (n, m, 3) [m/s]: the midpoints', relative to the water;
-    all in one frame, which is the result's too.
-    """
-    fin = parameters.fin
+def link_normals(roots: NDArray, tips: NDArray) -> NDArray:
+    """The unit normals of the links (n, m, 3), (11), from their ends (n, m, 3), in the frame of these."""
     ends = roots + tips
     tangents = np.empty_like(ends)
     tangents[1:-1] = ends[:-2] - ends[2:]
     tangents[0] = ends[0] - ends[1]
     tangents[-1] = ends[-2] - ends[-1]
     normals = np.cross(tangents, tips - roots)
-    normals /= np.linalg.norm(normals, axis=-1, keepdims=True)
+    return normals / np.linalg.norm(normals, axis=-1, keepdims=True)
+
+
+def drag_forces(parameters: Parameters, roots: NDArray, tips: NDArray, velocities: NDArray) -> NDArray:
+    """Morison drag at each link's midpoint, (11) and (12), per unit chord: (n, m, 3) [N/m].
+
+    `roots`, `tips` (n, m, 3) [m]: the links' ends; `velocities` (n, m, 3) [m/s]: the midpoints', relative to the water;
+    all in one frame, which is the result's too.
+    """
+    fin, normals = parameters.fin, link_normals(roots, tips)
     speeds = np.sum(velocities * normals, axis=-1, keepdims=True)
     area = fin.span / fin.links  # per unit chord
     return -0.5 * parameters.water.density * fin.drag_coefficient * area * np.abs(speeds) * speeds * normals
+
+
+def added_mass(parameters: Parameters) -> float:
+    """The mass of water m_a that a link sets in motion along its normal, per unit chord [kg/m]."""
+    water, fin, chord = parameters.water, parameters.fin, parameters.rods.support_length
+    return water.added_mass_coefficient * water.added_mass_density * np.pi * (chord / 2.0)**2 / chord * (
+        fin.span / fin.links)
+
+
+def added_mass_forces(parameters: Parameters, roots: NDArray, tips: NDArray, accelerations: NDArray) -> NDArray:
+    """Morison's inertia term at each link's midpoint, per unit chord: (n, m, 3) [N/m].
+
+    As `drag_forces`, with the midpoints' `accelerations` (n, m, 3) [m/s^2] in the inertial frame, which are those
+    relative to a water in uniform motion.
+    """
+    normals = link_normals(roots, tips)
+    return -added_mass(parameters) * np.sum(accelerations * normals, axis=-1, keepdims=True) * normals
 
 
 def joint_torques(parameters: Parameters, joint_angles: NDArray, joint_rates: NDArray) -> NDArray:
@@ -214,16 +236,38 @@ def joint_torques(parameters: Parameters, joint_angles: NDArray, joint_rates: ND
     return elastic - fin.joint_damping * joint_rates
 
 
+def _accelerations(model: pinocchio.Model, data: pinocchio.Data, marks: NDArray) -> NDArray:
+    """Accelerations (n, m, 3) [m/s^2] of the points that the frames `marks` (n, m) mark, after forwardKinematics."""
+    accelerations = np.empty((*marks.shape, 3))
+    for k, j in np.ndindex(marks.shape):
+        accelerations[k, j] = pinocchio.getFrameClassicalAcceleration(
+            model, data, int(marks[k, j]), pinocchio.LOCAL_WORLD_ALIGNED).linear
+    return accelerations
+
+
+def _on_joints(model: pinocchio.Model, data: pinocchio.Data, marks: NDArray, points: NDArray,
+               forces: NDArray) -> pinocchio.StdVec_Force:
+    """Forces (n, m, 3) [N] at points (n, m, 3) of the links with the frames `marks` (n, m), as rnea takes them."""
+    external = pinocchio.StdVec_Force([pinocchio.Force.Zero() for _ in range(model.njoints)])
+    for k, j in np.ndindex(marks.shape):
+        joint = int(model.frames[int(marks[k, j])].parentJoint)
+        wrench = pinocchio.Force(forces[k, j], np.cross(points[k, j], forces[k, j]))
+        external[joint] = data.oMi[joint].actInv(wrench)
+    return external
+
+
 def fin_dynamics(parameters: Parameters, side: int, rod_motion: ArrayLike, joint_angles: ArrayLike,
                  joint_rates: ArrayLike, body_twist: ArrayLike, body_acceleration: ArrayLike,
-                 ) -> tuple[NDArray, NDArray]:
-    """Joint accelerations (n, m) [rad/s^2] and the fin's wrench on the body (6,) [N, N m], in still water.
+                 water_velocity: ArrayLike = (0.0, 0.0, 0.0)) -> tuple[NDArray, NDArray]:
+    """Joint accelerations (n, m) [rad/s^2] and the fin's wrench on the body (6,) [N, N m].
 
     `side` 0 left, 1 right; `rod_motion` (2, 3): rows front, rear, columns angle, rate, acceleration [rad, s];
     `joint_angles`, `joint_rates` (n, m) [rad, rad/s]; `body_twist`, `body_acceleration` (6,) in F_b, linear part
     first, the acceleration being the derivative of the twist's components (the spatial acceleration that Pinocchio
-    means for a free-flyer). The wrench is about the centre of mass, in F_b. The base's motion is prescribed: the joint
-    rows of the equations of motion give their accelerations, the base's rows then give what the support must exert.
+    means for a free-flyer); `water_velocity` (3,) [m/s] over the ground, in F_b. The wrench is about the centre of
+    mass, in F_b. The base's motion is prescribed: the joint rows of the equations of motion give their accelerations,
+    the base's rows then give what the support must exert. The added mass enters the joint rows as G^T m_a G, with G
+    the midpoints' speeds along their normals per generalised velocity, and the base's rows as the forces it makes.
     Pinocchio's workspace takes some 32 (6 + n m)^3 bytes: keep n m below 300.
     """
     fin, width = parameters.fin, parameters.rods.support_length / parameters.fin.chains
@@ -234,29 +278,36 @@ def fin_dynamics(parameters: Parameters, side: int, rod_motion: ArrayLike, joint
     q = np.concatenate([pinocchio.neutral(model)[:7], angles.ravel()])  # the world frame is F_0 at this instant
     v = np.concatenate([support.twist, rates.ravel()])
 
-    pinocchio.forwardKinematics(model, data, q, v)
+    a = np.concatenate([support.acceleration, np.zeros(fin.chains * fin.links)])
+
+    pinocchio.forwardKinematics(model, data, q, v, a)
     pinocchio.updateFramePlacements(model, data)
+    pinocchio.computeJointJacobians(model, data, q)
     roots, tips, midpoints, velocities = np.empty((4, fin.chains, fin.links, 3))
-    joints = np.empty((fin.chains, fin.links), dtype=int)
+    jacobians = np.empty((fin.chains, fin.links, 3, model.nv))
+    marks = np.empty((fin.chains, fin.links), dtype=int)
     for k, j in np.ndindex(fin.chains, fin.links):
-        tip, midpoint = (model.getFrameId(f'{mark}_{side}_{k}_{j}') for mark in ('tip', 'midpoint'))
-        joints[k, j] = model.frames[tip].parentJoint
-        roots[k, j] = data.oMi[int(joints[k, j])].translation
+        tip, marks[k, j] = (model.getFrameId(f'{mark}_{side}_{k}_{j}') for mark in ('tip', 'midpoint'))
+        midpoint = int(marks[k, j])
+        roots[k, j] = data.oMi[model.frames[tip].parentJoint].translation
         tips[k, j], midpoints[k, j] = data.oMf[tip].translation, data.oMf[midpoint].translation
         velocities[k, j] = pinocchio.getFrameVelocity(model, data, midpoint, pinocchio.LOCAL_WORLD_ALIGNED).linear
+        jacobians[k, j] = pinocchio.getFrameJacobian(model, data, midpoint, pinocchio.LOCAL_WORLD_ALIGNED)[:3]
+    velocities -= support.rotation.T @ np.asarray(water_velocity, dtype=float)
 
-    external = pinocchio.StdVec_Force([pinocchio.Force.Zero() for _ in range(model.njoints)])
-    drag = drag_forces(parameters, roots, tips, velocities) * width
-    for k, j in np.ndindex(fin.chains, fin.links):
-        wrench = pinocchio.Force(drag[k, j], np.cross(midpoints[k, j], drag[k, j]))
-        external[int(joints[k, j])] = data.oMi[int(joints[k, j])].actInv(wrench)
+    forces = drag_forces(parameters, roots, tips, velocities) * width
     torques = joint_torques(parameters, angles, rates).ravel() * width
-
-    a = np.concatenate([support.acceleration, np.zeros(fin.chains * fin.links)])
-    bias = pinocchio.rnea(model, data, q, v, a, external)[6:].copy()
+    forces_of_drift = added_mass_forces(parameters, roots, tips, _accelerations(model, data, marks)) * width
+    bias = pinocchio.rnea(model, data, q, v, a, _on_joints(model, data, marks, midpoints, forces + forces_of_drift))
+    bias = bias[6:].copy()
     inertia = pinocchio.crba(model, data, q)
     inertia = np.triu(inertia) + np.triu(inertia, 1).T
+    along_normals = np.einsum('kjx,kjxv->kjv', link_normals(roots, tips), jacobians).reshape(-1, model.nv)
+    inertia += added_mass(parameters) * width * along_normals.T @ along_normals
     a[6:] = np.linalg.solve(inertia[6:, 6:], torques - bias)
-    on_support = -pinocchio.rnea(model, data, q, v, a, external)[:6]
+
+    pinocchio.forwardKinematics(model, data, q, v, a)
+    forces += added_mass_forces(parameters, roots, tips, _accelerations(model, data, marks)) * width
+    on_support = -pinocchio.rnea(model, data, q, v, a, _on_joints(model, data, marks, midpoints, forces))[:6]
     on_body = pinocchio.SE3(support.rotation, support.position).act(pinocchio.Force(on_support))
     return a[6:].reshape(fin.chains, fin.links), on_body.vector.copy()

@@ -268,7 +268,7 @@ def follow_support(
     w_dot: np.ndarray, station: np.ndarray, q_acceleration: np.ndarray, omega: Vector, a: Vector, omega_1: Vector,
     dl: float,
 ) -> None:
-    """From root to tip: joint accelerations [rad/s^2], (27) to (29), after `eliminate_joints`.
+    """From root to tip: joint accelerations [rad/s^2], (27) to (29).
 
     `a` is the inertial acceleration of A and `omega_1` Omega_0-dot, components in F_0.
     """

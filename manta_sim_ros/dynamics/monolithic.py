@@ -7,7 +7,6 @@ linear equations for that acceleration, at every stage.
 from __future__ import annotations
 
 from collections.abc import Callable
-from math import sqrt
 from typing import Any
 
 import numpy as np
@@ -22,7 +21,7 @@ from manta_sim_ros.dynamics.articulated import (
     inertia_along_support,
     support_inertia,
 )
-from manta_sim_ros.dynamics.body import body_load
+from manta_sim_ros.dynamics.body import attitude, body_derivative, body_load, normalise, slower_than, solve_body
 from manta_sim_ros.dynamics.compilation import entry_kernel, kernel, source_digest
 from manta_sim_ros.dynamics.coupling import (
     BODY_FAILED,
@@ -43,7 +42,7 @@ from manta_sim_ros.dynamics.coupling import (
 )
 from manta_sim_ros.dynamics.fin import link_motion, support_acceleration, surface_slopes, wrench_on_body
 from manta_sim_ros.dynamics.gait import advance_gait, rod_motion
-from manta_sim_ros.dynamics.geometry import Rotation, rotate, rotate_back, rotation_rows, subtract
+from manta_sim_ros.dynamics.geometry import rotate_back, subtract
 from manta_sim_ros.dynamics.parameters import Vector
 
 TIMES = (0.0, 0.5, 0.5, 1.0)
@@ -51,41 +50,6 @@ TIMES = (0.0, 0.5, 0.5, 1.0)
 
 MIRROR = (1.0, -1.0, 1.0, -1.0, 1.0, -1.0)
 """Signs of the components of a twist or wrench in the mirror y = 0."""
-
-LEAST_PIVOT = 1e-300
-"""A pivot below it: the joint inertia of body and fins is not positive definite, or not finite."""
-
-
-@kernel
-def _solve(matrix: np.ndarray, right: np.ndarray) -> bool:
-    """Solve a symmetric positive definite system in place, `right` becoming the solution; return whether it is one.
-
-    By Cholesky's factors, whose order of operations keeps the zeros of a motion in the plane of symmetry.
-    """
-    size = right.shape[0]
-    for j in range(size):
-        pivot = matrix[j, j]
-        for k in range(j):
-            pivot -= matrix[j, k] * matrix[j, k]
-        if not pivot > LEAST_PIVOT:  # also refuses nan
-            return False
-        root = sqrt(pivot)
-        matrix[j, j] = root
-        for i in range(j + 1, size):
-            entry = matrix[i, j]
-            for k in range(j):
-                entry -= matrix[i, k] * matrix[j, k]
-            matrix[i, j] = entry / root
-    for i in range(size):
-        for k in range(i):
-            right[i] -= matrix[i, k] * right[k]
-        right[i] /= matrix[i, i]
-    for i in range(size - 1, -1, -1):
-        for k in range(i + 1, size):
-            right[i] -= matrix[k, i] * right[k]
-        right[i] /= matrix[i, i]
-    return True
-
 
 @kernel
 def _feel_fin(
@@ -111,40 +75,6 @@ def _feel_fin(
             inertia[i, j] = in_frame_0[i, j] * MIRROR[i] * MIRROR[j] if side == 1 else in_frame_0[i, j]
 
 
-@kernel
-def _attitude(body: np.ndarray) -> Rotation:
-    """Return R_b of the body's state (13,), whose quaternion has any norm between the stages of a step."""
-    x, y, z, w = body[3], body[4], body[5], body[6]
-    norm = sqrt(x * x + y * y + z * z + w * w)
-    return rotation_rows((x / norm, y / norm, z / norm, w / norm))
-
-
-@kernel
-def _body_slope(body: np.ndarray, rotation: Rotation, acceleration: np.ndarray, slope: np.ndarray) -> None:
-    """Fill `slope` (13,), the derivative of `body`: position, orientation x, y, z, w and twist."""
-    x, y, z, w = body[3], body[4], body[5], body[6]
-    p, q, r = 0.5 * body[10], 0.5 * body[11], 0.5 * body[12]
-    slope[0], slope[1], slope[2] = rotate(rotation, triple(body, 7))
-    slope[3] = w * p + y * r - z * q
-    slope[4] = w * q + z * p - x * r
-    slope[5] = w * r + x * q - y * p
-    slope[6] = -(x * p + y * q + z * r)
-    for i in range(6):
-        slope[7 + i] = acceleration[i]
-
-
-@kernel
-def _settle(body: np.ndarray) -> bool:
-    """Normalise the quaternion after a step; return whether the body stays slower than `FASTEST`."""
-    norm = sqrt(body[3] ** 2 + body[4] ** 2 + body[5] ** 2 + body[6] ** 2)
-    sound = True
-    for i in range(4):
-        body[3 + i] /= norm
-    for i in range(6):
-        sound = sound and abs(body[7 + i]) < FASTEST  # also refuses nan
-    return sound
-
-
 def _build_advance(digest: str) -> Callable[..., Any]:
     @entry_kernel
     def advance(constants: Constants, motion: Motion, steps: int) -> tuple[int, int, int, int]:
@@ -155,7 +85,6 @@ def _build_advance(digest: str) -> Callable[..., Any]:
         joint_angles, joint_rates = motion[4:6]
         gait, gait_rate, command, cycle_angle, rod_angles, fin_wrenches = motion[6:]
         fin, rods, time_constant, dt = constants.fin, constants.rods, constants.time_constant, constants.time_step
-        mass, moments = constants.body[0], constants.body[1]
         dl, station = fin.link_length, fin.station
         ratio = rods[1] / rods[0]
         links, row = joint_angles.shape[2], station.shape[0]
@@ -187,7 +116,7 @@ def _build_advance(digest: str) -> Callable[..., Any]:
             base_q[:], base_rate[:], sum_q[:], sum_rate[:] = q, q_rate, q, q_rate
             for stage in range(4):
                 elapsed = TIMES[stage] * dt
-                rotation = _attitude(body)
+                rotation = attitude(body)
                 current = rotate_back(rotation, constants.current)
                 load, load_moment = body_load(constants.body, rotation, triple(body, 7), triple(body, 10), current)
                 for side in range(2):
@@ -230,14 +159,10 @@ def _build_advance(digest: str) -> Callable[..., Any]:
                     for i in range(3):
                         support_0[side, i], support_0[side, 3 + i], omega_0[side, i] = a[i], omega_1[i], omega[i]
 
-                if not constants.fixed_base:
-                    for i in range(6):
-                        acceleration[i] = (load[i] if i < 3 else load_moment[i - 3]) + (wrench[0, i] + wrench[1, i])
-                        for j in range(6):
-                            matrix[i, j] = inertia[0, i, j] + inertia[1, i, j]
-                        matrix[i, i] += mass if i < 3 else moments[i - 3]
-                    if not _solve(matrix, acceleration):
-                        return step, BODY_FAILED, 0, 0
+                if not constants.fixed_base and not solve_body(
+                    constants.body, load, load_moment, inertia, wrench, matrix, acceleration,
+                ):
+                    return step, BODY_FAILED, 0, 0
                 for side in range(2):
                     for i in range(6):
                         right[i] = support_0[side, i]
@@ -252,7 +177,7 @@ def _build_advance(digest: str) -> Callable[..., Any]:
                 if step == steps:
                     break
                 if not constants.fixed_base:
-                    _body_slope(body, rotation, acceleration, body_slope)
+                    body_derivative(body, rotation, acceleration, body_slope)
                     for i in range(13):
                         sum_body[i] += RK4_WEIGHTS[stage] * dt * body_slope[i]
                         body[i] = base_body[i] + RK4_AHEAD[stage] * dt * body_slope[i]
@@ -270,7 +195,9 @@ def _build_advance(digest: str) -> Callable[..., Any]:
                     return step, FIN_FAILED, side, bad_chain
                 cycle_angle[side] = advance_gait(
                     gait[side], gait_rate[side], command[side], cycle_angle[side], time_constant, dt)
-            if not _settle(body):
+            if not constants.fixed_base:
+                normalise(body)
+            if not slower_than(body, FASTEST):
                 return step, BODY_FAILED, 0, 0
 
         position, orientation, twist, acceleration_found = motion[:4]
