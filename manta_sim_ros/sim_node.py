@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 import time
+import warnings
 from typing import Any
 
 from geometry_msgs.msg import PoseStamped, TwistStamped, WrenchStamped
@@ -17,8 +18,9 @@ from rosgraph_msgs.msg import Clock
 from std_msgs.msg import Float64MultiArray
 
 from manta_sim_ros import messages
-from manta_sim_ros.dynamics import DivergenceError, Simulator, State
+from manta_sim_ros.dynamics import DivergenceError, FinCommand, Simulator, StabilityWarning, State
 from manta_sim_ros.dynamics.simulator import prepare
+from manta_sim_ros.dynamics.stability import step_warning
 from manta_sim_ros.parameters_ros import Settings, declare, set_values
 from manta_sim_ros.process import run_node
 
@@ -28,6 +30,7 @@ PACE_WINDOW = 1.0
 PACE_WARNING_PERIOD = 5.0
 PACE_TOLERANCE = 0.95
 CLOCK_WARNING_PERIOD = 10.0
+STEP_WARNING_PERIOD = 10.0
 LISTENING_SHARE = 0.1  # of the time that a tick took: for commands when the next tick is due at once
 LONGEST_WAIT = 1.0  # s
 ROUNDING = 1e-6  # of the steps due, far above that of their sum and far below a step
@@ -45,6 +48,7 @@ class SimNode(Node):
 
     def __init__(self) -> None:
         super().__init__('manta_sim', automatically_declare_parameters_from_overrides=True)
+        warnings.simplefilter('ignore', StabilityWarning)  # `_warn_of_step` logs it
         self._settings: Settings = declare(self)
         self._simulator = Simulator(self._settings.model)
         self._refusals = 0
@@ -104,6 +108,15 @@ class SimNode(Node):
                 f'fin_command refused, the gait before goes on ({self._refusals} refused so far): {error}',
                 throttle_duration_sec=REFUSAL_WARNING_PERIOD,
             )
+        else:
+            self._warn_of_step()
+
+    def _warn_of_step(self) -> None:
+        """Warn when the gaits that are commanded, with the present parameters, ask for a smaller time step."""
+        left, right = (FinCommand(*command) for command in self._simulator.state.gait_commands)
+        warning = step_warning(self._settings.model, left, right)
+        if warning is not None:
+            self.get_logger().warning(warning, throttle_duration_sec=STEP_WARNING_PERIOD)
 
     def _tick(self) -> None:
         self._publish(self._advance())
@@ -176,6 +189,7 @@ class SimNode(Node):
         before, self._settings = self._settings, set_values(self._settings, parameters)
         if self._settings.model != before.model:
             self._simulator = Simulator(self._settings.model, state=self._simulator.state)
+            self._warn_of_step()
         if self._settings.node != before.node and self._next_tick < math.inf:
             self._set_pace()
 

@@ -9,6 +9,8 @@ from manta_sim_ros.dynamics import DivergenceError, FinCommand, Simulator, State
 from manta_sim_ros.dynamics import simulator as simulator_module
 from scenarios import SWIM, bits, sized, variant
 
+pytestmark = pytest.mark.filterwarnings('ignore::manta_sim_ros.dynamics.StabilityWarning')
+
 
 def flapping(time_step, gait=SWIM, **groups):
     simulator = Simulator(variant(sized(6, 3), solver={'time_step': time_step}, **groups))
@@ -26,7 +28,7 @@ def test_divergence_names_time_fin_chain_and_a_step_and_leaves_the_state():
     assert isinstance(error.value, ValueError)
     found = re.fullmatch(
         r'at ([\d.e+-]+) s a joint of chain (\d+) of the left fin passed \+-pi or is not finite: '
-        r'solver\.time_step is 0\.016 s, too large for this motion; try 0\.008 s', str(error.value))
+        r'solver\.time_step is 0\.016 s, too large for this motion; try 0\.0049 s', str(error.value))
     assert found, str(error.value)
     time, chain = float(found[1]), int(found[2])
     assert 0 <= chain < 6
@@ -65,14 +67,14 @@ def test_following_the_suggestion_ends_in_a_step_that_works():
     while True:
         tried.append(time_step)
         try:
-            state = flapping(time_step).advance(6.4)
+            state = flapping(time_step).advance(round(6.4 / time_step) * time_step)
             break
         except DivergenceError as error:
             suggested = float(re.search(r'try ([\d.e+-]+) s$', str(error))[1])
             assert suggested < time_step
             time_step = suggested
-    assert 1 < len(tried) < 10
-    assert state.time == pytest.approx(6.4)
+    assert len(tried) == 2  # the largest stable step is named at once
+    assert state.time == pytest.approx(6.4, abs=time_step)
 
 
 def test_a_body_that_diverges_is_named():
@@ -81,7 +83,7 @@ def test_a_body_that_diverges_is_named():
         4, 2, water={'current': (10.0, 0.0, 0.0), 'density': 1e5},
         body={'mass': 1e-3, 'drag_area': (1e4, 0.0, 0.0), 'drag_coefficient': (1e3, 0.0, 0.0)}))
     before = simulator.state
-    with pytest.raises(DivergenceError, match=r'at 0\.\d+ s the body moves faster than 1000 m/s .* try 0\.001 s'):
+    with pytest.raises(DivergenceError, match=r'at 0\.\d+ s the body moves faster than 1000 m/s .* to monolithic'):
         simulator.advance(2.0)
     assert simulator.state is before
 

@@ -3,6 +3,10 @@
 from manta_sim_ros.dynamics.gait import FinCommand
 from manta_sim_ros.dynamics.parameters import Parameters
 from manta_sim_ros.dynamics.simulator import DivergenceError, Simulator, fin_dynamics
+from manta_sim_ros.dynamics.stability import StabilityWarning, largest_stable_step
 from manta_sim_ros.dynamics.state import State
 
-__all__ = ['DivergenceError', 'FinCommand', 'Parameters', 'Simulator', 'State', 'fin_dynamics']
+__all__ = [
+    'DivergenceError', 'FinCommand', 'Parameters', 'Simulator', 'StabilityWarning', 'State', 'fin_dynamics',
+    'largest_stable_step',
+]

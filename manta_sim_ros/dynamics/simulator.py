@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 import numbers
+import warnings
 from collections.abc import Callable
 from types import ModuleType
 
@@ -14,6 +15,7 @@ from manta_sim_ros.dynamics import coupling, monolithic, sequential
 from manta_sim_ros.dynamics.compilation import announced_compilation
 from manta_sim_ros.dynamics.gait import REST, SIDES, FinCommand, check_gait, check_present_gait, check_transition
 from manta_sim_ros.dynamics.parameters import MONOLITHIC, SEQUENTIAL, Parameters
+from manta_sim_ros.dynamics.stability import StabilityWarning, largest_stable_step, rounded_down, step_warning
 from manta_sim_ros.dynamics.state import State
 
 WHOLE_STEPS_TOLERANCE = 1e-6
@@ -48,6 +50,8 @@ class Simulator:
         `state` does not fit `parameters`.
 
     """
+
+    _too_fast = False  # whether the last command asked for a smaller step
 
     def __init__(self, parameters: Parameters | None = None, state: State | None = None) -> None:
         self._parameters = Parameters() if parameters is None else parameters
@@ -105,6 +109,9 @@ class Simulator:
     def command(self, *, left: FinCommand, right: FinCommand) -> None:
         """Command the gaits of both fins, from now on; smoothed with `rods.command_time_constant`.
 
+        Warns with a StabilityWarning when `solver.time_step` is above their `largest_stable_step`; a controller that
+        goes on commanding such gaits is warned once, until one in between is stable.
+
         Raises
         ------
         ValueError
@@ -123,6 +130,10 @@ class Simulator:
         if rods.command_time_constant == 0.0:
             gait, rates = commands, np.zeros_like(rates)
         self._state = dataclasses.replace(self._state, gait=gait, gait_rates=rates, gait_commands=commands)
+        warning = step_warning(self._parameters, left, right)
+        if warning is not None and not self._too_fast:
+            warnings.warn(warning, StabilityWarning, stacklevel=2)
+        self._too_fast = warning is not None
 
     def advance(self, duration: float) -> State:
         """Advance by `duration` [s], a whole number of time steps, in one compiled loop; return the new state.
@@ -177,10 +188,12 @@ class Simulator:
             if failed == coupling.FIN_FAILED
             else f'the body moves faster than {coupling.FASTEST:g} m/s or rad/s'
         )
+        largest = largest_stable_step(self._parameters, *(FinCommand(*command) for command in before.gait_commands))
+        remedy = f'try {rounded_down(largest) if 0.0 < largest < time_step else time_step / 2:g} s'
+        if largest == 0.0:
+            remedy = 'no step is stable with solver.coupling sequential, set it to monolithic'
         return DivergenceError(
-            f'at {time:.6g} s {where}: solver.time_step is {time_step:g} s, too large for this motion; '
-            f'try {time_step / 2:g} s'
-        )
+            f'at {time:.6g} s {where}: solver.time_step is {time_step:g} s, too large for this motion; {remedy}')
 
 
 def prepare(parameters: Parameters, announce: Callable[[str], object]) -> None:

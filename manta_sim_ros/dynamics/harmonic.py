@@ -1,0 +1,174 @@
+"""How fast a gait moves the links through the water, by harmonic balance, without simulating it.
+
+The first harmonic of fins and body, linearised about straight chains and rods at 0; drag (12) is the linear damping of
+the same work over a cycle, its amplitude found by iteration.
+
+Letters: M, C, K per unit chord; J from joint rates to the normal velocities of link midpoints; B from the body's twist
+to those. Arrays of both fins are [side, station, link].
+"""
+
+from __future__ import annotations
+
+import functools
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from manta_sim_ros.dynamics.gait import FinCommand
+from manta_sim_ros.dynamics.parameters import Parameters
+
+STATIONS = 4
+"""Chords at which each fin is looked at, midpoint rule; 16 change the steps of the verification by at most 6 %."""
+
+ITERATIONS = 6
+"""Of the harmonic balance; the speeds are then within 2 % of where they settle in all cases of the verification."""
+
+STEEPEST_BEND = 1.5
+"""Joint angle [rad] up to which the stiffening of (14) is followed."""
+
+SAME_WORK = 8.0 / (3.0 * math.pi)
+"""Linear damping that does the work of |V| V in a cycle, per amplitude of V."""
+
+
+class StraightFins(NamedTuple):
+    """Both fins with straight chains, rods at 0."""
+
+    normal: np.ndarray  # J (m, m) [m]
+    inertia: np.ndarray  # M (m, m) [kg m]
+    damping: np.ndarray  # c (m, m) [N s]
+    stiffness: float  # K of each joint, EI / dl [N]
+    drag: float  # rho C_D dl / 2 [kg/m^2]
+    mass: float  # of a link along its normal, added mass included [kg/m]
+    chord: float  # that a station stands for [m]
+    station: np.ndarray  # (stations,) from A, as a share of the support
+    body: np.ndarray  # B (2, stations, m, 6)
+    coupling: np.ndarray  # inertia between joints and twist (stations, m, 6) [kg, kg m]
+    rigid: np.ndarray  # inertia of both fins, their joints held (6, 6)
+
+
+@functools.lru_cache(maxsize=16)
+def straight_fins(parameters: Parameters) -> StraightFins:
+    """Return the constants of both fins with straight chains, rods at 0."""
+    fin, rods, water = parameters.fin, parameters.rods, parameters.water
+    dl, length = fin.span / fin.links, rods.support_length
+    link_mass = fin.density * fin.thickness * dl
+    added = water.added_mass_coefficient * water.added_mass_density * math.pi / 4.0 * length * dl
+    roots = np.arange(fin.links) * dl
+    middles = roots + 0.5 * dl
+    halves = np.concatenate([middles + end * dl / math.sqrt(12.0) for end in (-1.0, 1.0)])  # a thin rod as two points
+    normal, halves_normal = (np.maximum(0.0, points[:, None] - roots) for points in (middles, halves))
+    inertia = 0.5 * link_mass * halves_normal.T @ halves_normal + added * normal.T @ normal
+    station, chord = (np.arange(STATIONS) + 0.5) / STATIONS, length / STATIONS
+    motion, halves_motion = (_point_motion(parameters, station, points) for points in (middles, halves))
+    body = motion[..., 2, :]
+    return StraightFins(
+        normal=normal, inertia=inertia, damping=fin.joint_damping * np.eye(fin.links),
+        stiffness=fin.youngs_modulus * fin.thickness**3 / 12.0 / dl,
+        drag=0.5 * water.density * fin.drag_coefficient * dl, mass=link_mass + added, chord=chord, station=station,
+        body=body,
+        coupling=0.5 * link_mass * halves_normal.T @ halves_motion[0, ..., 2, :] + added * normal.T @ body[0],
+        rigid=chord * (
+            0.5 * link_mass * np.einsum('fspxa,fspxb->ab', halves_motion, halves_motion)
+            + added * np.einsum('fspa,fspb->ab', body, body)),
+    )
+
+
+def _point_motion(parameters: Parameters, station: np.ndarray, span: np.ndarray) -> np.ndarray:
+    """Return the velocities (2, stations, points, 3, 6) by the twist of points that are `span` [m] from the roots."""
+    rods = parameters.rods
+    sine = (rods.front_radius - rods.rear_radius) / rods.support_length  # of theta, (8), rods at 0
+    cosine = math.sqrt(1.0 - sine * sine)
+    along = station[:, None] * rods.support_length
+    x = rods.rear_motor_position[0] + cosine * along - sine * span
+    y = rods.rear_motor_position[1] + rods.rear_radius + sine * along + cosine * span
+    z = rods.rear_motor_position[2]
+    motion = np.zeros((2, *x.shape, 3, 6))
+    motion[..., range(3), range(3)] = 1.0
+    motion[..., 0, 4], motion[..., 1, 3] = z, -z
+    motion[..., 1, 5], motion[..., 2, 4] = x, -x
+    for side, lateral in enumerate((y, -y)):
+        motion[side, ..., 0, 5], motion[side, ..., 2, 3] = -lateral, lateral
+    return motion
+
+
+def gait_motion(
+    parameters: Parameters, fins: StraightFins, commands: tuple[FinCommand, FinCommand],
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return amplitudes of normal speeds [m/s] and joint angles [rad] of a chain (m,), the largest of all chains.
+
+    Harmonic balance of fins and body, driven by the heave of the supports at the frequency of each fin.
+    """
+    body, m = parameters.body, parameters.fin.links
+    J, B = fins.normal, fins.body
+    driven = _support_heave(parameters, fins, commands)
+    speeds, angles, heave = sum((0.5 * np.abs(drive) for drive in driven.values()), np.zeros(B.shape[:3])), 0.0, 0.0
+    righting = body.mass * body.gravity * body.buoyancy_center[2]
+    heave_drag = 0.5 * SAME_WORK * parameters.water.density * body.drag_area[2] * body.drag_coefficient[2]
+    for _ in range(ITERATIONS):
+        drag = SAME_WORK * fins.drag * speeds
+        half = np.tan(0.5 * np.minimum(angles, STEEPEST_BEND))
+        stiffness = fins.stiffness * (1.0 + half * half)  # (14), nearly its secant
+        damping = fins.damping + J.T @ (drag[..., None] * J)
+        squares = np.zeros((3, *B.shape[:3]))
+        for frequency, drive in driven.items():
+            resistance = (drag + 1j * frequency * fins.mass)[..., None]
+            joints = damping + 1j * frequency * fins.inertia
+            joints[..., range(m), range(m)] -= 1j * stiffness / frequency
+            moved = drive[..., None]
+            if not parameters.solver.fixed_base:
+                moved = np.concatenate((moved, B), axis=-1)
+            rates = -np.linalg.solve(joints, J.T @ (resistance * moved))
+            normal = moved + J @ rates
+            motions = np.ones(1, dtype=complex)
+            if not parameters.solver.fixed_base:
+                forces = fins.chord * np.tensordot(B, resistance * normal, axes=((0, 1, 2), (0, 1, 2)))
+                own = 1j * frequency * np.diag((body.mass,) * 3 + body.inertia)
+                own[2, 2] += heave_drag * heave
+                for axis in (3, 4):
+                    own[axis, axis] += body.angular_damping[axis - 3] + righting / (1j * frequency)
+                motions = np.append(1.0, -np.linalg.solve(own + forces[:, 1:], forces[:, 0]))
+                squares[2] += abs(motions[3]) ** 2
+            squares[0] += np.abs(normal @ motions) ** 2
+            squares[1] += np.abs(rates @ motions / frequency) ** 2
+        amplitudes = np.sqrt(squares)
+        speeds, angles = 0.5 * (speeds + amplitudes[0]), 0.5 * (angles + amplitudes[1])
+        heave = 0.5 * (heave + amplitudes[2].flat[0])
+    return speeds.max(axis=(0, 1)), np.broadcast_to(angles, speeds.shape).max(axis=(0, 1))
+
+
+def _support_heave(
+    parameters: Parameters, fins: StraightFins, commands: tuple[FinCommand, FinCommand],
+) -> dict[float, np.ndarray]:
+    """Return the first harmonic of the supports' heave rate (2, stations, m) [m/s] by angular frequency [rad/s]."""
+    rods = parameters.rods
+    driven: dict[float, np.ndarray] = {}
+    for side, command in enumerate(commands):
+        frequency = 2.0 * math.pi * command.frequency
+        if frequency == 0.0 or command.amplitude == 0.0:
+            continue
+        front = math.asin(rods.rear_radius / rods.front_radius * math.sin(command.amplitude))
+        rear_rate, front_rate = (  # sin(A sin(psi)) has the first harmonic 2 J_1(A), here to third order in A
+            radius * frequency * amplitude * (1.0 - amplitude**2 / 8.0)
+            for radius, amplitude in ((rods.rear_radius, command.amplitude), (rods.front_radius, front)))
+        heave = driven.setdefault(frequency, np.zeros(fins.body.shape[:3], dtype=complex))
+        heave[side] = (rear_rate + fins.station * (front_rate * np.exp(1j * command.phase) - rear_rate))[:, None]
+    return driven
+
+
+def flow_motion(parameters: Parameters, fins: StraightFins) -> tuple[np.ndarray, np.ndarray]:
+    """Return the normal speeds (m,) [m/s] by the current, and the joint angles (m,) [rad] to which it bends a chain.
+
+    A vertical current meets a fin less the more it bends, a horizontal one meets a held fin the more; a free body
+    drifts with the latter.
+    """
+    current = parameters.water.current
+    vertical = abs(current[2])
+    horizontal = math.hypot(current[0], current[1]) if parameters.solver.fixed_base else 0.0
+    angles = np.zeros(len(fins.normal))
+    for _ in range(3 * ITERATIONS if vertical + horizontal > 0.0 else 0):
+        facing = np.cos(np.minimum(np.cumsum(angles), STEEPEST_BEND))
+        torque = fins.normal.T @ (fins.drag * (vertical**2 + horizontal**2) * facing**2)
+        angles = 0.5 * (angles + np.minimum(torque, STEEPEST_BEND * fins.stiffness) / max(fins.stiffness, 1e-9))
+    bent = np.minimum(np.cumsum(angles), STEEPEST_BEND)
+    return vertical * np.cos(bent) + horizontal * np.sin(bent), angles

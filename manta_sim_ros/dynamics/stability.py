@@ -1,0 +1,241 @@
+"""The largest stable time step of a gait, estimated from the linearised equations, without simulating it.
+
+Chains are linearised about straight, M q-ddot + C q-dot + K q = 0, with the slope of the drag (12) at the speeds that
+the gait gives the links (harmonic.py, letters too), and tried in a step of the scheme: classical Runge-Kutta, and with
+a free body the coupling.
+"""
+
+from __future__ import annotations
+
+import functools
+import math
+
+import numpy as np
+
+from manta_sim_ros.dynamics.gait import HIGHEST_FREQUENCY, SIDES, FinCommand, check_gait
+from manta_sim_ros.dynamics.harmonic import (
+    STATIONS,
+    STEEPEST_BEND,
+    StraightFins,
+    flow_motion,
+    gait_motion,
+    straight_fins,
+)
+from manta_sim_ros.dynamics.parameters import SEQUENTIAL, Parameters
+
+SPEED_SHARE = 0.85
+"""Share of a speed's amplitude at which drag counts, since it passes; calibrated on verification/stability.py."""
+
+SAFETY = 0.95
+"""What is taken of the estimate, so that it stays on the safe side; calibrated on verification/stability.py."""
+
+HARMLESS_GROWTH = 1.0
+"""Rate [1/s] at which a disturbance of fins and body may grow: the body's forward Euler feeds slow motions a little."""
+
+SCREEN = 0.9
+"""Share of the step of like gaits up to which no gait is looked at by itself; at random ones it was never too much."""
+
+AMPLITUDE_CELL, FREQUENCY_CELL = 0.1, 0.25
+PHASES = (-0.7, 0.0, 0.7)
+"""Grid of the like gaits [rad], [Hz], and their phases [rad]."""
+
+DIRECTIONS = np.linspace(0.5 * math.pi, math.pi, 1025)
+"""Arguments of eigenvalues [rad] at which the stability region is tabulated; it is symmetric."""
+
+SHARED, OPPOSITE = (0, 2, 4), (1, 3, 5)
+"""Axes of the twist whose motions both fins share (x, z, pitch), and those in which they are each other's opposite."""
+
+
+def largest_stable_step(parameters: Parameters, left: FinCommand, right: FinCommand) -> float:
+    """Return the largest `solver.time_step` [s] at which these gaits, once settled, are stable: an estimate.
+
+    verification/stability.py compares it with the steps at which simulations diverge. 0: no step is stable, the fins
+    are too heavy against the body for `solver.coupling` sequential. Infinite: nothing bounds it, as with free joints
+    without damping or water. `solver.time_step` itself has no influence.
+
+    Raises
+    ------
+    ValueError
+        A gait is impossible; names side, value and bound.
+
+    """
+    for side, command in enumerate((left, right)):
+        if not isinstance(command, FinCommand):
+            raise ValueError(f'the {SIDES[side]} command is {command!r}, but must be a FinCommand')
+        check_gait(parameters.rods, side, command)
+    return _largest_stable_step(parameters, left, right)
+
+
+class StabilityWarning(UserWarning):
+    """`solver.time_step` is above the largest stable step of the gait that was commanded."""
+
+
+def rounded_down(step: float) -> float:
+    """Return a step [s], above 0, with two digits, not above it."""
+    unit = 10.0 ** (math.floor(math.log10(step)) - 1)
+    return float(f'{math.floor(step / unit) * unit:.2g}')
+
+
+def step_warning(parameters: Parameters, left: FinCommand, right: FinCommand) -> str | None:
+    """Return what to say of a `solver.time_step` that is too large for these gaits, or None.
+
+    Cheap when the step is small for all gaits about as large and as fast: controllers command new ones at a high rate.
+    """
+    time_step = parameters.solver.time_step
+    if time_step <= SCREEN * _step_of_like_gaits(parameters, left, right):
+        return None
+    largest = largest_stable_step(parameters, left, right)
+    if time_step <= largest:
+        return None
+    if largest == 0.0:
+        return (
+            f'solver.time_step is {time_step:g} s, but the largest stable step is 0 s: the fins are too heavy '
+            'against the body for solver.coupling sequential; set it to monolithic'
+        )
+    return (
+        f'solver.time_step is {time_step:g} s, but the largest stable step of this gait is about '
+        f'{rounded_down(largest):g} s: the simulation may diverge'
+    )
+
+
+def _step_of_like_gaits(parameters: Parameters, left: FinCommand, right: FinCommand) -> float:
+    """Return the least largest stable step [s] of both fins alike with the next amplitude and frequency of a grid."""
+    amplitude, frequency = (
+        math.ceil(max(getattr(left, name), getattr(right, name)) / cell) * cell
+        for name, cell in (('amplitude', AMPLITUDE_CELL), ('frequency', FREQUENCY_CELL)))
+    if parameters.fin.links == 1:  # there a lesser motion may need the smaller step
+        return 0.0
+    gaits = (FinCommand(min(amplitude, 0.5 * math.pi), min(frequency, HIGHEST_FREQUENCY), phase) for phase in PHASES)
+    return min(_largest_stable_step(parameters, gait, gait) for gait in gaits)
+
+
+@functools.lru_cache(maxsize=2048)
+def _largest_stable_step(parameters: Parameters, left: FinCommand, right: FinCommand) -> float:
+    fins = straight_fins(parameters)
+    none = np.zeros(parameters.fin.links)
+    speeds, angles = gait_motion(parameters, fins, (left, right))
+    flow, deflection = flow_motion(parameters, fins)
+    drag, stiffness = _slopes(fins, SPEED_SHARE * speeds + flow, np.maximum(angles, deflection))
+    step = min(_chain_step(fins, *_slopes(fins, none, none)), _chain_step(fins, drag, stiffness))
+    return SAFETY * (step if parameters.solver.fixed_base else _coupled_step(parameters, fins, drag, stiffness, step))
+
+
+def _slopes(fins: StraightFins, speeds: np.ndarray, angles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the slopes (m,) of the drag (12) at normal speeds [m/s] and of the elastic torque (14) at angles [rad]."""
+    t2 = np.tan(0.5 * np.minimum(angles, STEEPEST_BEND)) ** 2
+    return 2.0 * fins.drag * speeds, fins.stiffness * (1.0 + t2) * (1.0 + 3.0 * t2)
+
+
+def _chain_step(fins: StraightFins, drag: np.ndarray, stiffness: np.ndarray) -> float:
+    """Return the largest stable step [s] of a chain on a support whose motion is given."""
+    return _runge_kutta_step(
+        fins.inertia, fins.damping + fins.normal.T @ (drag[:, None] * fins.normal), np.diag(stiffness))
+
+
+def _coupled_step(
+    parameters: Parameters, fins: StraightFins, drag: np.ndarray, stiffness: np.ndarray, longest: float,
+) -> float:
+    """Return the largest stable step [s], at most `longest`, of fins and body together.
+
+    B is linear along a support, so chains stay a sum of two that are shaped alike: one shape uniform, one linear in s.
+    """
+    J, B, m = fins.normal, fins.body[0], 2 * len(fins.normal)
+    shapes = np.stack((np.ones(STATIONS), fins.station - 0.5), axis=1)
+    alike, both = 2.0 * fins.chord * shapes.T @ shapes, 2.0 * fins.chord
+    inertia, damping, elastic = np.zeros((3, m + 6, m + 6))
+    inertia[:m, :m] = np.kron(alike, fins.inertia)
+    damping[:m, :m] = np.kron(alike, fins.damping + J.T @ (drag[:, None] * J))
+    elastic[:m, :m] = np.kron(alike, np.diag(stiffness))
+    inertia[:m, m:] = both * np.einsum('sp,sja->pja', shapes, fins.coupling).reshape(m, 6)
+    damping[:m, m:] = both * np.einsum('sp,sja->pja', shapes, J.T @ (drag[:, None] * B)).reshape(m, 6)
+    inertia[m:, :m], damping[m:, :m] = inertia[:m, m:].T, damping[:m, m:].T
+    inertia[m:, m:] = fins.rigid
+    damping[m:, m:] = both * np.einsum('sja,sjb->ab', drag[:, None] * B, B)
+    own = np.array((parameters.body.mass,) * 3 + parameters.body.inertia)
+    for axes in (SHARED, OPPOSITE):
+        kept = np.ix_(*2 * ([*range(m), *(m + axis for axis in axes)],))
+        fin_matrices, body_inertia = (inertia[kept], damping[kept], elastic[kept]), own[list(axes)]
+        if parameters.solver.coupling == SEQUENTIAL:
+            longest = _sequential_step(*fin_matrices, body_inertia, longest)
+        else:
+            fin_matrices[0][m:, m:] += np.diag(body_inertia)
+            longest = min(longest, _runge_kutta_step(*fin_matrices))
+    return longest
+
+
+def _sequential_step(
+    inertia: np.ndarray, damping: np.ndarray, stiffness: np.ndarray, own: np.ndarray, longest: float,
+) -> float:
+    """Return the largest stable step [s], at most `longest`, of the body (inertia `own`) after its fins, Section 4.
+
+    The last three rows of the fins' matrices are the body's. Its acceleration takes one step to the fins and back: what
+    they weigh with their joints free must be less than the body.
+    """
+    joints = slice(0, -3)
+    felt = inertia[-3:, -3:] - inertia[-3:, joints] @ np.linalg.solve(inertia[joints, joints], inertia[joints, -3:])
+    root = np.sqrt(own)
+    if np.linalg.eigvalsh(felt / root / root[:, None])[-1] >= 1.0:
+        return 0.0
+    if longest == math.inf:
+        return longest
+    low, high = 0.0, math.inf
+    for tried in (longest / 8.0, longest / 4.0, longest / 2.0, longest):  # stable steps may lie beyond unstable ones
+        if _growth_rate(inertia, damping, stiffness, own, tried) > HARMLESS_GROWTH:
+            high = tried
+            break
+        low = tried
+    while low < longest and high - low > 0.02 * high:
+        middle = 0.5 * (low + high)
+        if _growth_rate(inertia, damping, stiffness, own, middle) <= HARMLESS_GROWTH:
+            low = middle
+        else:
+            high = middle
+    return low
+
+
+def _growth_rate(
+    inertia: np.ndarray, damping: np.ndarray, stiffness: np.ndarray, own: np.ndarray, dt: float,
+) -> float:
+    """Return the rate [1/s] at which the worst disturbance grows in steps of `dt` [s] of the sequential coupling."""
+    m = len(inertia) - 3
+    twist = slice(2 * m, 2 * m + 3)  # of the state: joint angles, joint rates, twist, acceleration of the body
+    accelerations = -np.linalg.solve(
+        inertia[:m, :m], np.concatenate((stiffness[:m, :m], damping[:m, :m], damping[:m, m:], inertia[:m, m:]), axis=1))
+    z = np.zeros((2 * m + 6, 2 * m + 6))
+    z[:m, m:2 * m] = dt * np.eye(m)
+    z[m:2 * m] = dt * accelerations
+    one = np.eye(2 * m + 6)
+    moved = one + z @ (one + z @ (one + z @ (one + z / 4.0) / 3.0) / 2.0)  # Runge-Kutta, the body's motion held
+    force = -inertia[m:, :m] @ accelerations @ moved - damping[m:, :m] @ moved[m:2 * m]
+    force[:, twist] -= damping[m:, m:]
+    force[:, -3:] -= inertia[m:, m:]
+    step = moved.copy()
+    step[-3:] = force / own[:, None]
+    step[twist] += dt * step[-3:]
+    return math.log(max(np.abs(np.linalg.eigvals(step)).max(), 1e-300)) / dt
+
+
+def _runge_kutta_step(inertia: np.ndarray, damping: np.ndarray, stiffness: np.ndarray) -> float:
+    """Return the largest stable step [s] of M q-ddot + C q-dot + K q = 0 with classical Runge-Kutta."""
+    size = len(inertia)
+    system = np.zeros((2 * size, 2 * size))
+    system[:size, size:] = np.eye(size)
+    system[size:] = -np.linalg.solve(inertia, np.concatenate((stiffness, damping), axis=1))
+    eigenvalues = np.linalg.eigvals(system)
+    sizes = np.abs(eigenvalues)
+    if not sizes.max() > 0.0:
+        return math.inf
+    reach = np.interp(np.abs(np.angle(eigenvalues)), DIRECTIONS, _reach())
+    return float(np.min(reach / np.maximum(sizes, 1e-9 * sizes.max())))
+
+
+@functools.cache
+def _reach() -> np.ndarray:
+    """Return the largest |z| in `DIRECTIONS` with |R(z)| <= 1, R(z) = 1 + z + z^2/2 + z^3/6 + z^4/24."""
+    low, high = np.zeros(DIRECTIONS.size), np.full(DIRECTIONS.size, 4.0)  # each ray leaves the region once
+    for _ in range(50):
+        middle = 0.5 * (low + high)
+        z = middle * np.exp(1j * DIRECTIONS)
+        inside = np.abs(1.0 + z * (1.0 + z / 2.0 * (1.0 + z / 3.0 * (1.0 + z / 4.0)))) <= 1.0
+        low, high = np.where(inside, middle, low), np.where(inside, high, middle)
+    return low
