@@ -8,7 +8,7 @@
 export ROS PYTHON DURATION
 VENV := $(if $(filter-out kilted,$(ROS)),.venv-$(ROS),.venv)
 
-.PHONY: help sim test lint bench setup clean
+.PHONY: help sim test lint bench verify setup clean
 
 help:  ## say what there is
 	@sed -n 's/^\([a-z]*\):.*## /\1\t/p' $(firstword $(MAKEFILE_LIST)) | expand -t 8
@@ -25,6 +25,9 @@ lint:  ## ruff, mypy, package.xml
 
 bench:  ## compare the speed with Pinocchio, MuJoCo and plain NumPy
 	@env -u ROS_DOMAIN_ID scripts/setup.sh --dev -- python benchmark/bench.py
+
+verify:  ## prove the physics: docs/verification.md and its plots anew, about five minutes
+	@scripts/setup.sh --dev -- python verification/verify.py
 
 setup:  ## make the virtual environment and build the package, with all tools
 	@scripts/setup.sh --dev

@@ -49,9 +49,10 @@ SHARED, OPPOSITE = (0, 2, 4), (1, 3, 5)
 def largest_stable_step(parameters: Parameters, left: FinCommand, right: FinCommand) -> float:
     """Return the largest `solver.time_step` [s] at which these gaits, once settled, are stable: an estimate.
 
-    verification/stability.py compares it with the steps at which simulations diverge. 0: no step is stable, the fins
-    are too heavy against the body for `solver.coupling` sequential. Infinite: nothing bounds it, as with free joints
-    without damping or water. `solver.time_step` itself has no influence.
+    verification/stability.py compares it with the steps at which simulations diverge. It is that of smooth fins: those
+    that ripple along the chord (docs/model.md, How many chains) are faster and need less. 0: no step is stable, the
+    fins are too heavy against the body for `solver.coupling` sequential. Infinite: nothing bounds it, as with free
+    joints without damping or water. `solver.time_step` itself has no influence.
 
     Raises
     ------
