@@ -165,6 +165,18 @@ def test_a_command_beyond_the_largest_stable_step_warns_with_both_numbers_once()
         simulator.command(left=SWIM, right=SWIM)
 
 
+def test_a_state_whose_gait_needs_a_smaller_step_is_warned_of_too():
+    simulator = Simulator(sized(4, 2))
+    simulator.command(left=FAST, right=FAST)
+    coarse = variant(simulator.parameters, solver={'time_step': 0.05})
+    with pytest.warns(StabilityWarning, match='0.05 s'):
+        Simulator(coarse, state=simulator.state)
+    with warnings.catch_warnings():
+        warnings.simplefilter('error')
+        Simulator(simulator.parameters, state=simulator.state)
+        Simulator(coarse)
+
+
 @pytest.mark.parametrize('groups', [
     {}, {'solver': MONOLITHIC}, {'fin': {'links': 2, 'drag_coefficient': 4.0}}, {'fin': {'thickness': 0.004}},
     {'fin': {'links': 1}}])

@@ -146,9 +146,9 @@ def check_largest_stable_step(quick: bool = False) -> Section:
             f'it is {_range(ratios)} times the estimate. The share of the speeds that counts and the margin of safety '
             'were calibrated on these cases, so they show a fit, not a prediction. '
             f'{len(others)} cases that were tried and mostly left the band are drawn as crosses: long or soft fins, '
-            'which ripple along the chord and are then faster than chains by themselves, stiff fins of one or two links, '
-            'a slow gait whose start is faster than itself, strong drag or currents on a held fin. There the step that '
-            f'diverges is {_range(others)} times the estimate; below 1 the estimate is not safe.'
+            'which ripple along the chord and are then faster than chains by themselves, stiff fins of one or two '
+            'links, a slow gait whose start is faster than itself, strong drag or currents on a held fin. There the '
+            f'step that diverges is {_range(others)} times the estimate; below 1 the estimate is not safe.'
         ),
         claims=(
             Claim('smallest diverging step over the estimate', reference, float(ratios.min()), BAND, reason),

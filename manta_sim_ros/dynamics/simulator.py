@@ -104,13 +104,14 @@ class Simulator:
         if state.time != state.start_time + state.step_count * step:  # it comes from elsewhere: count anew from here
             state = dataclasses.replace(state, start_time=state.time, step_count=0)
         self._state = state
+        self._warn_of_step(stacklevel=3)
         return state
 
     def command(self, *, left: FinCommand, right: FinCommand) -> None:
         """Command the gaits of both fins, from now on; smoothed with `rods.command_time_constant`.
 
-        Warns with a StabilityWarning when `solver.time_step` is above their `largest_stable_step`; a controller that
-        goes on commanding such gaits is warned once, until one in between is stable.
+        Warns with a StabilityWarning when `solver.time_step` is above their `largest_stable_step`, as a state with such
+        gaits does; a controller that goes on commanding them is warned once, until one in between is stable.
 
         Raises
         ------
@@ -130,9 +131,12 @@ class Simulator:
         if rods.command_time_constant == 0.0:
             gait, rates = commands, np.zeros_like(rates)
         self._state = dataclasses.replace(self._state, gait=gait, gait_rates=rates, gait_commands=commands)
-        warning = step_warning(self._parameters, left, right)
+        self._warn_of_step(stacklevel=3)
+
+    def _warn_of_step(self, stacklevel: int) -> None:
+        warning = step_warning(self._parameters, *(FinCommand(*command) for command in self._state.gait_commands))
         if warning is not None and not self._too_fast:
-            warnings.warn(warning, StabilityWarning, stacklevel=2)
+            warnings.warn(warning, StabilityWarning, stacklevel)
         self._too_fast = warning is not None
 
     def advance(self, duration: float) -> State:
