@@ -13,6 +13,7 @@ from types import FrameType
 def sim_node() -> None:
     """Run the simulator."""
     _end_when_interrupted()
+    os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')  # its matrices are small: threads only wait for each other
     from manta_sim_ros.sim_node import main
     main()
 

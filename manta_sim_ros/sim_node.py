@@ -52,6 +52,7 @@ class SimNode(Node):
         self._settings: Settings = declare(self)
         self._simulator = Simulator(self._settings.model)
         self._refusals = 0
+        self._step_warning, self._step_warning_due = '', -math.inf
         self._steps_due = 0.0
         self._next_tick = math.inf  # steady time [s]
 
@@ -115,8 +116,9 @@ class SimNode(Node):
         """Warn when the gaits that are commanded, with the present parameters, ask for a smaller time step."""
         left, right = (FinCommand(*command) for command in self._simulator.state.gait_commands)
         warning = step_warning(self._settings.model, left, right)
-        if warning is not None:
-            self.get_logger().warning(warning, throttle_duration_sec=STEP_WARNING_PERIOD)
+        if warning is not None and (warning != self._step_warning or time.monotonic() > self._step_warning_due):
+            self._step_warning, self._step_warning_due = warning, time.monotonic() + STEP_WARNING_PERIOD
+            self.get_logger().warning(warning)
 
     def _tick(self) -> None:
         self._publish(self._advance())

@@ -19,7 +19,7 @@ from manta_sim_ros.dynamics import (
     largest_stable_step,
 )
 from manta_sim_ros.dynamics.harmonic import straight_fins
-from manta_sim_ros.dynamics.stability import SAFETY, step_warning
+from manta_sim_ros.dynamics.stability import SAFETY, STEPS_PER_PERIOD, step_warning
 from scenarios import SWIM, sized, variant
 
 REST = FinCommand(amplitude=0.0, frequency=0.0, phase=0.0)
@@ -86,7 +86,7 @@ def one_link(**fin):
 def test_an_undamped_link_has_the_limit_of_runge_and_kutta_on_the_imaginary_axis():
     parameters, inertia, stiffness = one_link(joint_damping=0.0)
     expected = SAFETY * math.sqrt(8.0) / math.sqrt(stiffness / inertia)
-    assert largest_stable_step(parameters, SWIM, SWIM) == pytest.approx(expected, rel=1e-3)  # measured: 2e-4, no bend
+    assert largest_stable_step(parameters, REST, REST) == pytest.approx(expected, rel=1e-3)  # measured: 2e-4
 
 
 def test_a_damped_link_without_stiffness_has_the_limit_on_the_real_axis():
@@ -97,7 +97,8 @@ def test_a_damped_link_without_stiffness_has_the_limit_on_the_real_axis():
 
 def test_nothing_bounds_the_step_of_free_joints_without_damping_and_water():
     parameters, _, _ = one_link(joint_damping=0.0, youngs_modulus=0.0)
-    assert largest_stable_step(parameters, SWIM, SWIM) == math.inf
+    assert largest_stable_step(parameters, REST, REST) == math.inf
+    assert largest_stable_step(parameters, SWIM, SWIM) == pytest.approx(1.0 / (STEPS_PER_PERIOD * SWIM.frequency))
 
 
 @pytest.mark.parametrize('links', [1, 3, 7])
@@ -169,8 +170,10 @@ def test_a_state_whose_gait_needs_a_smaller_step_is_warned_of_too():
     simulator = Simulator(sized(4, 2))
     simulator.command(left=FAST, right=FAST)
     coarse = variant(simulator.parameters, solver={'time_step': 0.05})
-    with pytest.warns(StabilityWarning, match='0.05 s'):
+    with pytest.warns(StabilityWarning, match='0.05 s') as caught:
         Simulator(coarse, state=simulator.state)
+        Simulator(coarse).reset(simulator.state)
+    assert [warning.filename for warning in caught] == [__file__] * 2
     with warnings.catch_warnings():
         warnings.simplefilter('error')
         Simulator(simulator.parameters, state=simulator.state)
@@ -196,6 +199,28 @@ def test_no_gait_that_needs_a_smaller_step_goes_without_a_warning(groups):
 def test_fins_too_heavy_for_the_sequential_coupling_are_warned_of_with_the_way_out():
     with pytest.warns(StabilityWarning, match=r'0\.002 s, .* 0 s: .* set it to monolithic'):
         Simulator(variant(body={'mass': 2.0})).command(left=SWIM, right=SWIM)
+
+
+@pytest.mark.parametrize('groups', [
+    {'rods': {'front_radius': 0.185, 'rear_radius': 0.235}}, {'body': {'inertia': (1.33, 0.001, 2.73)}},
+    {'fin': {'span': 1e-3, 'thickness': 1e-5, 'density': 1.0}}, {'fin': {'links': 24}, 'solver': MONOLITHIC},
+    {'fin': {'youngs_modulus': 1e13, 'links': 20}},
+])
+def test_any_valid_robot_and_gait_has_a_step_and_can_be_commanded(groups):
+    parameters = variant(sized(4, 3), **groups)
+    gait = FinCommand(amplitude=0.86, frequency=0.5, phase=0.0)
+    assert 0.0 <= largest_stable_step(parameters, gait, gait) <= 1.0 / (STEPS_PER_PERIOD * gait.frequency)
+    simulator = Simulator(parameters)
+    with warnings.catch_warnings():
+        warnings.simplefilter('ignore', StabilityWarning)
+        simulator.command(left=gait, right=gait)
+    assert tuple(simulator.state.gait_commands[0, :2]) == (0.86, 0.5)
+
+
+def test_a_step_below_the_parameters_bound_is_not_recommended():
+    parameters = variant(sized(4, 20), fin={'youngs_modulus': 1e13, 'span': 0.01})
+    with pytest.warns(StabilityWarning, match=r'must be at least 1e-07 s: make the fins softer, or of fewer links'):
+        Simulator(parameters).command(left=SWIM, right=SWIM)
 
 
 def test_bad_commands_are_refused_by_name():

@@ -91,7 +91,7 @@ The paper's three gaits from rest, {size[0]} chains of {size[1]} links, {duratio
 monolithic coupling at a sixteenth of the default step. The sequential coupling is of first order by construction: fins
 see the body as it was at the step's beginning, and the body moves by Euler's rule. The monolithic one keeps the fourth
 order of Runge and Kutta for everything. Both couplings end at the same trajectory: the limit of one is the other's.
-That this limit is right is what DOP853 below and the balances of theme 1 say.
+That this limit is right is what DOP853 below and the balances of work and momentum say.
 """, tuple(claims), draw, 'Error of the position against the step, three gaits.')
 
 

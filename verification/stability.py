@@ -20,7 +20,7 @@ from manta_sim_ros.dynamics import (
     StabilityWarning,
     largest_stable_step,
 )
-from manta_sim_ros.dynamics.parameters import MONOLITHIC
+from manta_sim_ros.dynamics.parameters import MONOLITHIC, SEQUENTIAL
 from scenarios import variant
 
 if TYPE_CHECKING:
@@ -86,6 +86,7 @@ BEYOND: tuple[tuple[FinCommand, FinCommand, Mapping[str, Mapping[str, Any]]], ..
 )
 """Where the estimate is known to leave the band: fins that ripple, stiff ones of few links, a slow start, currents."""
 QUICK = slice(0, None, 4)
+RANDOM_ROBOTS = 60
 
 
 def largest_rate(parameters: Parameters, time_step: float, left: FinCommand, right: FinCommand) -> float:
@@ -132,10 +133,37 @@ def compared(
     return estimates, measured
 
 
+def random_robots(count: int) -> list[tuple[FinCommand, FinCommand, Parameters]]:
+    """Return robots of 3 to 5 links that nobody chose: stiffness, size, water, coupling and both gaits drawn."""
+    random, robots = np.random.default_rng(7), []
+    while len(robots) < count:
+        gaits = [gait(random.uniform(5.0, 45.0), frequency, random.uniform(-40.0, 40.0))
+                 for frequency in random.uniform(0.2, 2.0, 2)]
+        parameters = variant(
+            fin={'chains': 6, 'links': int(random.integers(3, 6)), 'youngs_modulus': 10.0 ** random.uniform(7.0, 9.0),
+                 'span': random.uniform(0.2, 0.4), 'joint_damping': random.uniform(0.0, 0.5)},
+            water={'density': random.uniform(500.0, 9800.0)},
+            solver={'coupling': (SEQUENTIAL, MONOLITHIC)[len(robots) % 2]})
+        robots.append((gaits[0], gaits[1], parameters))
+    return robots
+
+
+def sound_share(count: int) -> float:
+    """Return the share of random robots that swim soundly at the estimated step."""
+    sound = 0
+    for left, right, parameters in random_robots(count):
+        step = largest_stable_step(parameters, left, right)
+        expected = largest_rate(parameters, step / 8.0, left, right)
+        sound += largest_rate(parameters, step, left, right) < TOO_FAST * expected
+    return sound / count
+
+
 def check_largest_stable_step(quick: bool = False) -> Section:
     """Compare the estimate with bisection on simulations, over gaits, fins, water and both couplings."""
     within, beyond = compared(CASES[QUICK] if quick else CASES), compared(BEYOND[QUICK] if quick else BEYOND)
     ratios, others = within[1] / within[0], beyond[1] / beyond[0]
+    robots = RANDOM_ROBOTS // 4 if quick else RANDOM_ROBOTS
+    share = sound_share(robots)
     reference = 'bisection on simulations of 4 s'
     reason = 'required: on the safe side, within a factor of 1.5'
     return Section(
@@ -148,11 +176,16 @@ def check_largest_stable_step(quick: bool = False) -> Section:
             f'{len(others)} cases that were tried and mostly left the band are drawn as crosses: long or soft fins, '
             'which ripple along the chord and are then faster than chains by themselves, stiff fins of one or two '
             'links, a slow gait whose start is faster than itself, strong drag or currents on a held fin. There the '
-            f'step that diverges is {_range(others)} times the estimate; below 1 the estimate is not safe.'
+            f'step that diverges is {_range(others)} times the estimate; below 1 the estimate is not safe. Robots that '
+            f'nobody chose, {robots} of 3 to 5 links with any stiffness, span, damping, density, coupling and two '
+            f'different gaits up to 2 Hz, swim soundly at the estimate in {100.0 * share:.0f} of 100 cases. Chains of '
+            'one or two links are outside this claim: do not rely on the estimate there.'
         ),
         claims=(
             Claim('smallest diverging step over the estimate', reference, float(ratios.min()), BAND, reason),
             Claim('largest diverging step over the estimate', reference, float(ratios.max()), BAND, reason),
+            Claim('share of random robots of 3 to 5 links that are sound at the estimate', 'simulations of 4 s', share,
+                  (0.9, 1.0), 'measured; the linearised chain does not know every motion'),
         ),
         draw=lambda figure: _draw(figure, within, beyond),
         caption='Steps at which simulations diverge, against the estimate; shaded: one to one and a half times the '

@@ -14,7 +14,7 @@ from manta_sim_ros.dynamics.fin import FinConstants, stations
 from manta_sim_ros.dynamics.geometry import mirror_axial, mirror_polar
 from manta_sim_ros.dynamics.parameters import Parameters, Vector
 
-FIN_FAILED, BODY_FAILED = 1, 2
+FIN_FAILED, BODY_FAILED, SOLUTION_FAILED = 1, 2, 3
 """What failed in a step."""
 
 RK4_WEIGHTS = (1.0 / 6.0, 1.0 / 3.0, 1.0 / 3.0, 1.0 / 6.0)

@@ -15,14 +15,15 @@ from typing import NamedTuple
 
 import numpy as np
 
+from manta_sim_ros.dynamics.coupling import constants
 from manta_sim_ros.dynamics.gait import FinCommand
 from manta_sim_ros.dynamics.parameters import Parameters
 
 STATIONS = 4
-"""Chords at which each fin is looked at, midpoint rule; 16 change the steps of the verification by at most 6 %."""
+"""Chords at which each fin is looked at, midpoint rule: drag varies slowly along them."""
 
 ITERATIONS = 6
-"""Of the harmonic balance; the speeds are then within 2 % of where they settle in all cases of the verification."""
+"""Of the harmonic balance: each halves the distance to where the speeds settle."""
 
 STEEPEST_BEND = 1.5
 """Joint angle [rad] up to which the stiffening of (14) is followed."""
@@ -50,23 +51,19 @@ class StraightFins(NamedTuple):
 @functools.lru_cache(maxsize=16)
 def straight_fins(parameters: Parameters) -> StraightFins:
     """Return the constants of both fins with straight chains, rods at 0."""
-    fin, rods, water = parameters.fin, parameters.rods, parameters.water
-    dl, length = fin.span / fin.links, rods.support_length
-    link_mass = fin.density * fin.thickness * dl
-    added = water.added_mass_coefficient * water.added_mass_density * math.pi / 4.0 * length * dl
-    roots = np.arange(fin.links) * dl
+    fin, links = constants(parameters).fin, parameters.fin.links
+    dl, link_mass, added = fin.link_length, fin.link_mass, fin.added_mass
+    roots = np.arange(links) * dl
     middles = roots + 0.5 * dl
     halves = np.concatenate([middles + end * dl / math.sqrt(12.0) for end in (-1.0, 1.0)])  # a thin rod as two points
     normal, halves_normal = (np.maximum(0.0, points[:, None] - roots) for points in (middles, halves))
     inertia = 0.5 * link_mass * halves_normal.T @ halves_normal + added * normal.T @ normal
-    station, chord = (np.arange(STATIONS) + 0.5) / STATIONS, length / STATIONS
+    station, chord = (np.arange(STATIONS) + 0.5) / STATIONS, parameters.rods.support_length / STATIONS
     motion, halves_motion = (_point_motion(parameters, station, points) for points in (middles, halves))
     body = motion[..., 2, :]
     return StraightFins(
-        normal=normal, inertia=inertia, damping=fin.joint_damping * np.eye(fin.links),
-        stiffness=fin.youngs_modulus * fin.thickness**3 / 12.0 / dl,
-        drag=0.5 * water.density * fin.drag_coefficient * dl, mass=link_mass + added, chord=chord, station=station,
-        body=body,
+        normal=normal, inertia=inertia, damping=fin.damping * np.eye(links), stiffness=0.5 * fin.stiffness,
+        drag=fin.drag, mass=link_mass + added, chord=chord, station=station, body=body,
         coupling=0.5 * link_mass * halves_normal.T @ halves_motion[0, ..., 2, :] + added * normal.T @ body[0],
         rigid=chord * (
             0.5 * link_mass * np.einsum('fspxa,fspxb->ab', halves_motion, halves_motion)
@@ -147,7 +144,7 @@ def _support_heave(
         frequency = 2.0 * math.pi * command.frequency
         if frequency == 0.0 or command.amplitude == 0.0:
             continue
-        front = math.asin(rods.rear_radius / rods.front_radius * math.sin(command.amplitude))
+        front = math.asin(min(1.0, rods.rear_radius / rods.front_radius * math.sin(command.amplitude)))
         rear_rate, front_rate = (  # sin(A sin(psi)) has the first harmonic 2 J_1(A), here to third order in A
             radius * frequency * amplitude * (1.0 - amplitude**2 / 8.0)
             for radius, amplitude in ((rods.rear_radius, command.amplitude), (rods.front_radius, front)))

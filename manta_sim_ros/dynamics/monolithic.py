@@ -29,6 +29,7 @@ from manta_sim_ros.dynamics.coupling import (
     FIN_FAILED,
     RK4_AHEAD,
     RK4_WEIGHTS,
+    SOLUTION_FAILED,
     Constants,
     Motion,
     axial,
@@ -51,6 +52,7 @@ TIMES = (0.0, 0.5, 0.5, 1.0)
 MIRROR = (1.0, -1.0, 1.0, -1.0, 1.0, -1.0)
 """Signs of the components of a twist or wrench in the mirror y = 0."""
 
+
 @kernel
 def _feel_fin(
     side: int, support: SupportMotion, a: Vector, omega_1: Vector, in_frame_0: np.ndarray, bias: np.ndarray,
@@ -58,8 +60,8 @@ def _feel_fin(
 ) -> None:
     """Fill `wrench` (6,) of a fin on the body when the body's acceleration is 0, and `inertia` (6, 6) that resists it.
 
-    About the centre of mass, components in F_b. `in_frame_0`, `bias` are H and p; `a`, `omega_1` the support's
-    acceleration without the body's; the rest is scratch.
+    About the centre of mass, components in F_b. `in_frame_0`, `bias` are H and p, and are overwritten; `a`, `omega_1`
+    the support's acceleration without the body's; the rest is scratch.
     """
     b = (a[0], a[1], a[2], omega_1[0], omega_1[1], omega_1[2])
     for i in range(6):
@@ -162,7 +164,11 @@ def _build_advance(digest: str) -> Callable[..., Any]:
                 if not constants.fixed_base and not solve_body(
                     constants.body, load, load_moment, inertia, wrench, matrix, acceleration,
                 ):
-                    return step, BODY_FAILED, 0, 0
+                    for side in range(2):
+                        bad_chain = first_bad_chain(q[side], q_rate[side], fin.chains)
+                        if bad_chain >= 0:
+                            return step, FIN_FAILED, side, bad_chain
+                    return step, SOLUTION_FAILED, 0, 0
                 for side in range(2):
                     for i in range(6):
                         right[i] = support_0[side, i]

@@ -15,7 +15,7 @@ from manta_sim_ros.dynamics import coupling, monolithic, sequential
 from manta_sim_ros.dynamics.compilation import announced_compilation
 from manta_sim_ros.dynamics.gait import REST, SIDES, FinCommand, check_gait, check_present_gait, check_transition
 from manta_sim_ros.dynamics.parameters import MONOLITHIC, SEQUENTIAL, Parameters
-from manta_sim_ros.dynamics.stability import StabilityWarning, largest_stable_step, rounded_down, step_warning
+from manta_sim_ros.dynamics.stability import StabilityWarning, remedy, step_warning
 from manta_sim_ros.dynamics.state import State
 
 WHOLE_STEPS_TOLERANCE = 1e-6
@@ -56,7 +56,7 @@ class Simulator:
     def __init__(self, parameters: Parameters | None = None, state: State | None = None) -> None:
         self._parameters = Parameters() if parameters is None else parameters
         self._constants = coupling.constants(self._parameters)
-        self.reset(state)
+        self._go_to(state)
 
     @property
     def parameters(self) -> Parameters:
@@ -78,6 +78,9 @@ class Simulator:
             gait, or a moving body with `solver.fixed_base`. The simulator stays where it was.
 
         """
+        return self._go_to(state)
+
+    def _go_to(self, state: State | None) -> State:
         if state is None:
             self._state = State.at_rest(self._parameters)
             return self._state
@@ -104,7 +107,7 @@ class Simulator:
         if state.time != state.start_time + state.step_count * step:  # it comes from elsewhere: count anew from here
             state = dataclasses.replace(state, start_time=state.time, step_count=0)
         self._state = state
-        self._warn_of_step(stacklevel=3)
+        self._warn_of_step(stacklevel=4)
         return state
 
     def command(self, *, left: FinCommand, right: FinCommand) -> None:
@@ -135,9 +138,9 @@ class Simulator:
 
     def _warn_of_step(self, stacklevel: int) -> None:
         warning = step_warning(self._parameters, *(FinCommand(*command) for command in self._state.gait_commands))
-        if warning is not None and not self._too_fast:
+        known, self._too_fast = self._too_fast, warning is not None
+        if warning is not None and not known:
             warnings.warn(warning, StabilityWarning, stacklevel)
-        self._too_fast = warning is not None
 
     def advance(self, duration: float) -> State:
         """Advance by `duration` [s], a whole number of time steps, in one compiled loop; return the new state.
@@ -148,8 +151,7 @@ class Simulator:
             `duration` is negative, not finite or no whole number of steps.
         DivergenceError
             A joint passed +-pi, the body is absurdly fast or a value is not finite; gives time, fin, chain and a step
-            to try. The simulator
-            stays where it was before.
+            to try. The simulator stays where it was before.
 
         """
         steps = self._whole_steps(duration)
@@ -190,14 +192,13 @@ class Simulator:
         where = (
             f'a joint of chain {chain} of the {SIDES[side]} fin passed +-pi or is not finite'
             if failed == coupling.FIN_FAILED
+            else 'the accelerations are no longer finite'
+            if failed == coupling.SOLUTION_FAILED
             else f'the body moves faster than {coupling.FASTEST:g} m/s or rad/s'
         )
-        largest = largest_stable_step(self._parameters, *(FinCommand(*command) for command in before.gait_commands))
-        remedy = f'try {rounded_down(largest) if 0.0 < largest < time_step else time_step / 2:g} s'
-        if largest == 0.0:
-            remedy = 'no step is stable with solver.coupling sequential, set it to monolithic'
+        what_to_do = remedy(self._parameters, *(FinCommand(*command) for command in before.gait_commands))
         return DivergenceError(
-            f'at {time:.6g} s {where}: solver.time_step is {time_step:g} s, too large for this motion; {remedy}')
+            f'at {time:.6g} s {where}: solver.time_step is {time_step:g} s, too large for this motion; {what_to_do}')
 
 
 def prepare(parameters: Parameters, announce: Callable[[str], object]) -> None:

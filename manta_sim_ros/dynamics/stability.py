@@ -21,7 +21,7 @@ from manta_sim_ros.dynamics.harmonic import (
     gait_motion,
     straight_fins,
 )
-from manta_sim_ros.dynamics.parameters import SEQUENTIAL, Parameters
+from manta_sim_ros.dynamics.parameters import SEQUENTIAL, Parameters, Solver, quantities
 
 SPEED_SHARE = 0.85
 """Share of a speed's amplitude at which drag counts, since it passes; calibrated on verification/stability.py."""
@@ -32,12 +32,24 @@ SAFETY = 0.95
 HARMLESS_GROWTH = 1.0
 """Rate [1/s] at which a disturbance of fins and body may grow: the body's forward Euler feeds slow motions a little."""
 
-SCREEN = 0.9
-"""Share of the step of like gaits up to which no gait is looked at by itself; at random ones it was never too much."""
+SAFE_SHARE, SAFE_SHARE_OF_ONE_LINK = 0.9, 0.3
+"""Of the step of larger gaits, up to which a gait is not looked at by itself; a test tries random ones.
+
+With one link a chain, a smaller motion may need the smaller step.
+"""
 
 AMPLITUDE_CELL, FREQUENCY_CELL = 0.1, 0.25
 PHASES = (-0.7, 0.0, 0.7)
-"""Grid of the like gaits [rad], [Hz], and their phases [rad]."""
+"""Grid of the larger gaits [rad], [Hz], and their phases [rad]."""
+
+STEPS_PER_PERIOD = 50.0
+"""Fewer do not follow a gait, stable or not."""
+
+MOST_LINKS_WITH_BODY = 6
+"""Links a chain up to which the step is sought for fins and body together: with more the chains' stiffness decides."""
+
+LEAST_STEP = dict(quantities(Solver))['time_step'].low
+UNREACHABLE = f', but solver.time_step must be at least {LEAST_STEP:g} s: make the fins softer, or of fewer links'
 
 DIRECTIONS = np.linspace(0.5 * math.pi, math.pi, 1025)
 """Arguments of eigenvalues [rad] at which the stability region is tabulated; it is symmetric."""
@@ -49,10 +61,10 @@ SHARED, OPPOSITE = (0, 2, 4), (1, 3, 5)
 def largest_stable_step(parameters: Parameters, left: FinCommand, right: FinCommand) -> float:
     """Return the largest `solver.time_step` [s] at which these gaits, once settled, are stable: an estimate.
 
-    verification/stability.py compares it with the steps at which simulations diverge. It is that of smooth fins: those
-    that ripple along the chord (docs/model.md, How many chains) are faster and need less. 0: no step is stable, the
-    fins are too heavy against the body for `solver.coupling` sequential. Infinite: nothing bounds it, as with free
-    joints without damping or water. `solver.time_step` itself has no influence.
+    docs/verification.md compares it with the steps at which simulations diverge. Do not rely on it for chains of one
+    or two links, nor for fins that ripple along the chord (docs/model.md, How many chains), which need less. 0: no
+    step is stable, the fins are too heavy against the body for `solver.coupling` sequential. Infinite: nothing bounds
+    it, as with free joints at rest without damping or water. `solver.time_step` itself has no influence.
 
     Raises
     ------
@@ -83,7 +95,8 @@ def step_warning(parameters: Parameters, left: FinCommand, right: FinCommand) ->
     Cheap when the step is small for all gaits about as large and as fast: controllers command new ones at a high rate.
     """
     time_step = parameters.solver.time_step
-    if time_step <= SCREEN * _step_of_like_gaits(parameters, left, right):
+    share = SAFE_SHARE if parameters.fin.links > 1 else SAFE_SHARE_OF_ONE_LINK
+    if time_step <= share * _step_of_larger_gaits(parameters, left, right):
         return None
     largest = largest_stable_step(parameters, left, right)
     if time_step <= largest:
@@ -95,17 +108,28 @@ def step_warning(parameters: Parameters, left: FinCommand, right: FinCommand) ->
         )
     return (
         f'solver.time_step is {time_step:g} s, but the largest stable step of this gait is about '
-        f'{rounded_down(largest):g} s: the simulation may diverge'
+        f'{rounded_down(largest):g} s: the simulation may diverge{"" if largest >= LEAST_STEP else UNREACHABLE}'
     )
 
 
-def _step_of_like_gaits(parameters: Parameters, left: FinCommand, right: FinCommand) -> float:
-    """Return the least largest stable step [s] of both fins alike with the next amplitude and frequency of a grid."""
+def remedy(parameters: Parameters, left: FinCommand, right: FinCommand) -> str:
+    """Return what to do about a simulation of these gaits that has diverged."""
+    time_step, largest = parameters.solver.time_step, largest_stable_step(parameters, left, right)
+    if largest == 0.0:
+        return 'no step is stable with solver.coupling sequential, set it to monolithic'
+    if largest < LEAST_STEP:
+        return f'about {rounded_down(largest):g} s is stable{UNREACHABLE}'
+    return f'try {rounded_down(largest) if largest < time_step else 0.5 * time_step:g} s'
+
+
+def _step_of_larger_gaits(parameters: Parameters, left: FinCommand, right: FinCommand) -> float:
+    """Return the least largest stable step [s] of gaits that are as large and as fast as these or a little more.
+
+    Both fins alike, with the next amplitude and frequency of a grid, and some phases.
+    """
     amplitude, frequency = (
         math.ceil(max(getattr(left, name), getattr(right, name)) / cell) * cell
         for name, cell in (('amplitude', AMPLITUDE_CELL), ('frequency', FREQUENCY_CELL)))
-    if parameters.fin.links == 1:  # there a lesser motion may need the smaller step
-        return 0.0
     gaits = (FinCommand(min(amplitude, 0.5 * math.pi), min(frequency, HIGHEST_FREQUENCY), phase) for phase in PHASES)
     return min(_largest_stable_step(parameters, gait, gait) for gait in gaits)
 
@@ -118,7 +142,10 @@ def _largest_stable_step(parameters: Parameters, left: FinCommand, right: FinCom
     flow, deflection = flow_motion(parameters, fins)
     drag, stiffness = _slopes(fins, SPEED_SHARE * speeds + flow, np.maximum(angles, deflection))
     step = min(_chain_step(fins, *_slopes(fins, none, none)), _chain_step(fins, drag, stiffness))
-    return SAFETY * (step if parameters.solver.fixed_base else _coupled_step(parameters, fins, drag, stiffness, step))
+    if not parameters.solver.fixed_base:
+        step = _coupled_step(parameters, fins, drag, stiffness, step)
+    frequency = max(gait.frequency if gait.amplitude > 0.0 else 0.0 for gait in (left, right))
+    return min(SAFETY * step, 1.0 / (STEPS_PER_PERIOD * frequency) if frequency > 0.0 else math.inf)
 
 
 def _slopes(fins: StraightFins, speeds: np.ndarray, angles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -153,12 +180,15 @@ def _coupled_step(
     inertia[m:, m:] = fins.rigid
     damping[m:, m:] = both * np.einsum('sja,sjb->ab', drag[:, None] * B, B)
     own = np.array((parameters.body.mass,) * 3 + parameters.body.inertia)
+    together = parameters.fin.links <= MOST_LINKS_WITH_BODY
     for axes in (SHARED, OPPOSITE):
         kept = np.ix_(*2 * ([*range(m), *(m + axis for axis in axes)],))
         fin_matrices, body_inertia = (inertia[kept], damping[kept], elastic[kept]), own[list(axes)]
         if parameters.solver.coupling == SEQUENTIAL:
-            longest = _sequential_step(*fin_matrices, body_inertia, longest)
-        else:
+            if _too_heavy(fin_matrices[0], body_inertia):
+                return 0.0
+            longest = _sequential_step(*fin_matrices, body_inertia, longest) if together else longest
+        elif together:
             fin_matrices[0][m:, m:] += np.diag(body_inertia)
             longest = min(longest, _runge_kutta_step(*fin_matrices))
     return longest
@@ -169,14 +199,8 @@ def _sequential_step(
 ) -> float:
     """Return the largest stable step [s], at most `longest`, of the body (inertia `own`) after its fins, Section 4.
 
-    The last three rows of the fins' matrices are the body's. Its acceleration takes one step to the fins and back: what
-    they weigh with their joints free must be less than the body.
+    The last three rows of the fins' matrices are the body's.
     """
-    joints = slice(0, -3)
-    felt = inertia[-3:, -3:] - inertia[-3:, joints] @ np.linalg.solve(inertia[joints, joints], inertia[joints, -3:])
-    root = np.sqrt(own)
-    if np.linalg.eigvalsh(felt / root / root[:, None])[-1] >= 1.0:
-        return 0.0
     if longest == math.inf:
         return longest
     low, high = 0.0, math.inf
@@ -185,13 +209,21 @@ def _sequential_step(
             high = tried
             break
         low = tried
-    while low < longest and high - low > 0.02 * high:
+    while low < longest and high - low > 0.02 * high and high > LEAST_STEP:
         middle = 0.5 * (low + high)
         if _growth_rate(inertia, damping, stiffness, own, middle) <= HARMLESS_GROWTH:
             low = middle
         else:
             high = middle
-    return low
+    return low if low > 0.0 else high
+
+
+def _too_heavy(inertia: np.ndarray, own: np.ndarray) -> bool:
+    """Return whether fins with free joints weigh as much as the body, whose acceleration is a step old for them."""
+    joints = slice(0, -3)
+    felt = inertia[-3:, -3:] - inertia[-3:, joints] @ np.linalg.solve(inertia[joints, joints], inertia[joints, -3:])
+    root = np.sqrt(own)
+    return bool(np.linalg.eigvalsh(felt / root / root[:, None])[-1] >= 1.0)
 
 
 def _growth_rate(

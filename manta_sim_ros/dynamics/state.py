@@ -54,7 +54,7 @@ class State:
     """(6,) V [m/s], Omega [rad/s]."""
     acceleration: np.ndarray
     """(6,) derivative of the twist's components [m/s^2, rad/s^2]. With the sequential coupling that of the step before,
-    which the next step's fins see; with the monolithic one that at `time`."""
+    which the next step's fins see; with the monolithic one that at `time`, once a step was taken."""
     joint_angles: np.ndarray
     """(2, n, m) [fin, chain, link] [rad], positive with the tip up on both sides."""
     joint_rates: np.ndarray
