@@ -15,7 +15,7 @@ setup(
         ('share/' + package_name + '/launch', sorted(glob('launch/*.launch.py'))),
     ],
     install_requires=['numba', 'numpy', 'PyYAML', 'setuptools'],
-    extras_require={'test': ['pytest', 'scipy']},
+    extras_require={'test': ['hypothesis', 'pytest', 'scipy']},
     zip_safe=False,  # Numba keeps compiled kernels beside the modules.
     python_requires='>=3.10',
     maintainer='manta_sim_ros maintainers',

@@ -106,10 +106,10 @@ def largest_rate(parameters: Parameters, time_step: float, left: FinCommand, rig
 
 
 def diverging_step(parameters: Parameters, left: FinCommand, right: FinCommand, start: float) -> float:
-    """Return the smallest step [s], searched upwards from `start` / 1.5, at which a simulation diverges."""
+    """Return the smallest step [s], searched from `start` / 1.5 to `start` * 3, at which a simulation diverges."""
     bound = TOO_FAST * largest_rate(parameters, start / 8.0, left, right)
     low, high = start / 1.5, start / 1.5
-    while largest_rate(parameters, high, left, right) < bound:
+    while high < 3.0 * start and largest_rate(parameters, high, left, right) < bound:
         low, high = high, 1.1 * high
     while high > RESOLUTION * low:
         middle = math.sqrt(low * high)
