@@ -1,4 +1,4 @@
-"""One fin as the body feels it: inertia and bias wrench with the joints free, added mass included, for the left fin.
+"""The articulated inertia and bias wrench of one fin, its joints free, added mass included, for the left fin.
 
 The accelerations of a fin's joints are linear in that of its support, b = (a, Omega_0-dot) at A in F_0. Eliminating
 them from tip to root leaves what the support must exert, f = H b + p, with H symmetric. That is planar but for the
@@ -160,7 +160,7 @@ def inertia_along_support(
 
 
 @kernel
-def add_leaning(
+def add_oblique_mass(
     c: np.ndarray, s: np.ndarray, y: np.ndarray, z: np.ndarray, slope: np.ndarray, w_0: np.ndarray, w_y: np.ndarray,
     w_z: np.ndarray, d_inverse: np.ndarray, g_y: np.ndarray, g_z: np.ndarray, w_1: np.ndarray, w_2: np.ndarray,
     w_3: np.ndarray, b_y1: np.ndarray, b_y2: np.ndarray, b_y3: np.ndarray, b_z1: np.ndarray, b_z2: np.ndarray,
@@ -289,7 +289,7 @@ def follow_support(
 
 
 @kernel
-def felt_by_body(support: SupportMotion, transform: np.ndarray, product: np.ndarray, inertia: np.ndarray) -> None:
+def inertia_about_body(support: SupportMotion, transform: np.ndarray, product: np.ndarray, inertia: np.ndarray) -> None:
     """Turn `inertia` (6, 6) in place from F_0, about A, to F_b, about the centre of mass; the others are scratch.
 
     `transform` (6, 6) is left holding the b that an acceleration of the body's twist makes, b = T eta_b-dot + ...

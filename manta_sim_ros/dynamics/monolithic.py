@@ -13,11 +13,11 @@ import numpy as np
 
 from manta_sim_ros.dynamics.actuation import SupportMotion
 from manta_sim_ros.dynamics.articulated import (
-    add_leaning,
+    add_oblique_mass,
     chain_inertia_arrays,
     eliminate_joints,
-    felt_by_body,
     follow_support,
+    inertia_about_body,
     inertia_along_support,
     support_inertia,
 )
@@ -54,7 +54,7 @@ MIRROR = (1.0, -1.0, 1.0, -1.0, 1.0, -1.0)
 
 
 @kernel
-def _feel_fin(
+def _apparent_inertia(
     side: int, support: SupportMotion, a: Vector, omega_1: Vector, in_frame_0: np.ndarray, bias: np.ndarray,
     transform: np.ndarray, product: np.ndarray, inertia: np.ndarray, wrench: np.ndarray,
 ) -> None:
@@ -67,7 +67,7 @@ def _feel_fin(
     for i in range(6):
         for j in range(6):
             bias[i] += in_frame_0[i, j] * b[j]
-    felt_by_body(support, transform, product, in_frame_0)
+    inertia_about_body(support, transform, product, in_frame_0)
     force, moment = wrench_on_body(support, (-bias[0], -bias[1], -bias[2]), (-bias[3], -bias[4], -bias[5]))
     force, moment = polar(force, side), axial(moment, side)
     for i in range(3):
@@ -145,7 +145,7 @@ def _build_advance(digest: str) -> Callable[..., Any]:
                         r_1, r_2, r_3, station, omega, dl, fin.link_mass,
                     )
                     if fin.added_mass > 0.0:
-                        add_leaning(
+                        add_oblique_mass(
                             c[side], s[side], y, z, slope, w_0[side], w_y[side], w_z[side], d_inverse,
                             g_y[side], g_z[side], w_1[side], w_2[side], w_3[side], b_y1, b_y2, b_y3, b_z1, b_z2, b_z3,
                             c_11, c_12, c_13, c_22, c_23, c_33, r_1, r_2, r_3, dl, fin.added_mass,
@@ -154,7 +154,7 @@ def _build_advance(digest: str) -> Callable[..., Any]:
                         fin, omega, m_yy, m_yz, m_zz, b_y1, b_y2, b_y3, b_z1, b_z2, b_z3, c_11, c_12, c_13, c_22, c_23,
                         c_33, p_y, p_z, r_1, r_2, r_3, beyond, at_support, bias,
                     )
-                    _feel_fin(
+                    _apparent_inertia(
                         side, support, a, omega_1, at_support, bias, transform[side], product, inertia[side],
                         wrench[side],
                     )
@@ -261,7 +261,7 @@ def _build_evaluate(digest: str) -> Callable[..., Any]:
             station, omega, dl, fin.link_mass,
         )
         if fin.added_mass > 0.0:
-            add_leaning(
+            add_oblique_mass(
                 c, s, y, z, slope, w_0, w_y, w_z, d_inverse, g_y, g_z, w_1, w_2, w_3, b_y1, b_y2, b_y3,
                 b_z1, b_z2, b_z3, c_11, c_12, c_13, c_22, c_23, c_33, r_1, r_2, r_3, dl, fin.added_mass,
             )

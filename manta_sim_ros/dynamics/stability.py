@@ -221,9 +221,9 @@ def _sequential_step(
 def _too_heavy(inertia: np.ndarray, own: np.ndarray) -> bool:
     """Return whether fins with free joints weigh as much as the body, whose acceleration is a step old for them."""
     joints = slice(0, -3)
-    felt = inertia[-3:, -3:] - inertia[-3:, joints] @ np.linalg.solve(inertia[joints, joints], inertia[joints, -3:])
+    at_body = inertia[-3:, -3:] - inertia[-3:, joints] @ np.linalg.solve(inertia[joints, joints], inertia[joints, -3:])
     root = np.sqrt(own)
-    return bool(np.linalg.eigvalsh(felt / root / root[:, None])[-1] >= 1.0)
+    return bool(np.linalg.eigvalsh(at_body / root / root[:, None])[-1] >= 1.0)
 
 
 def _growth_rate(
