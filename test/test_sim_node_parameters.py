@@ -20,11 +20,11 @@ from rclpy.parameter import parameter_value_to_python
 from rosgraph_msgs.msg import Clock
 
 NAMES = {
-    'water': 'density current',
+    'water': 'density current added_mass_coefficient added_mass_density',
     'body': 'mass inertia drag_area drag_coefficient angular_damping buoyancy_center gravity',
     'rods': 'front_radius rear_radius support_length rear_motor_position command_time_constant',
     'fin': 'chains links span thickness youngs_modulus joint_damping drag_coefficient density',
-    'solver': 'time_step fixed_base',
+    'solver': 'time_step fixed_base coupling',
     '': 'publish_rate real_time_factor publish_clock odom_frame base_frame',
 }
 ALL = {f'{group}.{name}'.lstrip('.') for group, names in NAMES.items() for name in names.split()}

@@ -217,6 +217,12 @@ def test_any_valid_robot_and_gait_has_a_step_and_can_be_commanded(groups):
     assert tuple(simulator.state.gait_commands[0, :2]) == (0.86, 0.5)
 
 
+@pytest.mark.parametrize('frequency', [5e-324, 1e-308, 1e-12])
+def test_a_gait_of_no_speed_is_rest(frequency):
+    gait = FinCommand(amplitude=0.5, frequency=frequency, phase=0.2)
+    assert largest_stable_step(variant(), gait, gait) == largest_stable_step(variant(), REST, REST)
+
+
 def test_a_step_below_the_parameters_bound_is_not_recommended():
     parameters = variant(sized(4, 20), fin={'youngs_modulus': 1e13, 'span': 0.01})
     with pytest.warns(StabilityWarning, match=r'must be at least 1e-07 s: make the fins softer, or of fewer links'):

@@ -162,7 +162,7 @@ def check_largest_stable_step(quick: bool = False) -> Section:
     """Compare the estimate with bisection on simulations, over gaits, fins, water and both couplings."""
     within, beyond = compared(CASES[QUICK] if quick else CASES), compared(BEYOND[QUICK] if quick else BEYOND)
     ratios, others = within[1] / within[0], beyond[1] / beyond[0]
-    robots = RANDOM_ROBOTS // 4 if quick else RANDOM_ROBOTS
+    robots = RANDOM_ROBOTS // 6 if quick else RANDOM_ROBOTS
     share = sound_share(robots)
     reference = 'bisection on simulations of 4 s'
     reason = 'required: on the safe side, within a factor of 1.5'

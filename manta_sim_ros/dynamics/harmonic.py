@@ -28,6 +28,9 @@ ITERATIONS = 6
 STEEPEST_BEND = 1.5
 """Joint angle [rad] up to which the stiffening of (14) is followed."""
 
+SLOWEST = 1e-6
+"""Angular frequency [rad/s] below which a gait is rest."""
+
 SAME_WORK = 8.0 / (3.0 * math.pi)
 """Linear damping that does the work of |V| V in a cycle, per amplitude of V."""
 
@@ -142,7 +145,7 @@ def _support_heave(
     driven: dict[float, np.ndarray] = {}
     for side, command in enumerate(commands):
         frequency = 2.0 * math.pi * command.frequency
-        if frequency == 0.0 or command.amplitude == 0.0:
+        if frequency < SLOWEST or command.amplitude == 0.0:
             continue
         front = math.asin(min(1.0, rods.rear_radius / rods.front_radius * math.sin(command.amplitude)))
         rear_rate, front_rate = (  # sin(A sin(psi)) has the first harmonic 2 J_1(A), here to third order in A

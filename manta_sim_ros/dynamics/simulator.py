@@ -106,8 +106,9 @@ class Simulator:
         step = self._parameters.solver.time_step
         if state.time != state.start_time + state.step_count * step:  # it comes from elsewhere: count anew from here
             state = dataclasses.replace(state, start_time=state.time, step_count=0)
+        warning = step_warning(self._parameters, *(FinCommand(*command) for command in state.gait_commands))
         self._state = state
-        self._warn_of_step(stacklevel=4)
+        self._warn_of_step(warning, stacklevel=4)
         return state
 
     def command(self, *, left: FinCommand, right: FinCommand) -> None:
@@ -133,11 +134,11 @@ class Simulator:
         commands = np.array([left.as_array(), right.as_array()])
         if rods.command_time_constant == 0.0:
             gait, rates = commands, np.zeros_like(rates)
+        warning = step_warning(self._parameters, left, right)
         self._state = dataclasses.replace(self._state, gait=gait, gait_rates=rates, gait_commands=commands)
-        self._warn_of_step(stacklevel=3)
+        self._warn_of_step(warning, stacklevel=3)
 
-    def _warn_of_step(self, stacklevel: int) -> None:
-        warning = step_warning(self._parameters, *(FinCommand(*command) for command in self._state.gait_commands))
+    def _warn_of_step(self, warning: str | None, stacklevel: int) -> None:
         known, self._too_fast = self._too_fast, warning is not None
         if warning is not None and not known:
             warnings.warn(warning, StabilityWarning, stacklevel)
