@@ -11,14 +11,13 @@ f = M a + B u + p and f_u = B^T a + C u + r: force at a hinge and forces conjuga
 
 from __future__ import annotations
 
-from math import sqrt
 from typing import NamedTuple
 
 import numpy as np
 
 from manta_sim_ros.dynamics.actuation import SupportMotion
 from manta_sim_ros.dynamics.compilation import kernel
-from manta_sim_ros.dynamics.fin import FinConstants
+from manta_sim_ros.dynamics.fin import FinConstants, link_drag
 from manta_sim_ros.dynamics.parameters import Vector
 
 
@@ -82,7 +81,6 @@ def eliminate_joints(
     along (slope, -s, c) that the link must get against drag and added mass.
     """
     links, row = c.shape
-    vx, vy, vz = through_water
     wx, wy, wz = omega
     half = 0.5 * dl
     moment, inertia = half * mass, mass * dl * dl / 3.0
@@ -91,21 +89,16 @@ def eliminate_joints(
     for j in range(links - 1, -1, -1):
         for k in range(row):
             cj, sj, n_x = c[j, k], s[j, k], slope[j, k]
-            normal_velocity = (
-                n_x * (vx + wy * z[j, k] - wz * y[j, k])
-                - sj * (vy + wz * station[k] - wx * z[j, k] + y_rate[j, k])
-                + cj * (vz + wx * y[j, k] - wy * station[k] + z_rate[j, k])
-            )
-            n2 = 1.0 + n_x * n_x
-            mu = added_mass / n2
+            mu = added_mass / (1.0 + n_x * n_x)
             spin = w[j, k] + wx
             spin2 = spin * spin
             gy = -spin2 * cj + wz * (wy * sj - wz * cj)
             gz = -spin2 * sj + wy * (wz * cj - wy * sj)
             turning = cj * gz - sj * gy
             ax = _along_support(omega, station[k], y[j, k], z[j, k], y_rate[j, k], z_rate[j, k])
-            force = mu * (n_x * ax + half * turning)
-            force += drag_factor * abs(normal_velocity) * normal_velocity / (n2 * sqrt(n2))
+            force = mu * (n_x * ax + half * turning) - link_drag(
+                cj, sj, y[j, k], z[j, k], y_rate[j, k], z_rate[j, k], n_x, station[k], through_water, omega, drag_factor,
+            )
 
             ey = p_y[k] + dl * (m_yy[k] * gy + m_yz[k] * gz)
             ez = p_z[k] + dl * (m_yz[k] * gy + m_zz[k] * gz)

@@ -178,6 +178,23 @@ def surface_slopes(
 
 
 @kernel
+def link_drag(
+    c: float, s: float, y: float, z: float, y_rate: float, z_rate: float, slope: float, station: float,
+    through_water: Vector, omega: Vector, drag_factor: float,
+) -> float:
+    """Return the drag on a link along (slope, -s, c), which is not of unit length, per unit chord [N/m], (12)."""
+    vx, vy, vz = through_water
+    wx, wy, wz = omega
+    normal_velocity = (
+        slope * (vx + wy * z - wz * y)
+        - s * (vy + wz * station - wx * z + y_rate)
+        + c * (vz + wx * y - wy * station + z_rate)
+    )
+    n2 = 1.0 + slope * slope
+    return -drag_factor * abs(normal_velocity) * normal_velocity / (n2 * sqrt(n2))
+
+
+@kernel
 def reflected_inertia(
     c: np.ndarray, s: np.ndarray, w: np.ndarray, y: np.ndarray, z: np.ndarray, y_rate: np.ndarray,
     z_rate: np.ndarray, torque: np.ndarray, slope: np.ndarray, drag: np.ndarray, h_y: np.ndarray, h_z: np.ndarray,
@@ -192,7 +209,6 @@ def reflected_inertia(
     cost linear in the number of links. Afterwards m, p hold the root's f = M a + p with w-dot eliminated.
     """
     links, row = c.shape
-    vx, vy, vz = through_water
     wx, wy, wz = omega
     moment, inertia = 0.5 * mass * dl, mass * dl * dl / 3.0  # first and second, of the link's mass about its hinge
     for k in range(row):
@@ -200,13 +216,9 @@ def reflected_inertia(
     for j in range(links - 1, -1, -1):
         for k in range(row):
             cj, sj, n_x = c[j, k], s[j, k], slope[j, k]
-            normal_velocity = (
-                n_x * (vx + wy * z[j, k] - wz * y[j, k])
-                - sj * (vy + wz * station[k] - wx * z[j, k] + y_rate[j, k])
-                + cj * (vz + wx * y[j, k] - wy * station[k] + z_rate[j, k])
+            force = link_drag(
+                cj, sj, y[j, k], z[j, k], y_rate[j, k], z_rate[j, k], n_x, station[k], through_water, omega, drag_factor,
             )
-            n2 = 1.0 + n_x * n_x
-            force = -drag_factor * abs(normal_velocity) * normal_velocity / (n2 * sqrt(n2))
 
             spin = w[j, k] + wx
             spin2 = spin * spin
