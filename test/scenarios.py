@@ -1,15 +1,17 @@
 """Parameters, gaits and states that several tests share, and the comparison of states bit by bit."""
 
 import dataclasses
+import math
 import os
 import subprocess
 import sys
+import warnings
 from pathlib import Path
 
 import numpy as np
 
 import manta_sim_ros
-from manta_sim_ros.dynamics import FinCommand, Parameters, State
+from manta_sim_ros.dynamics import DivergenceError, FinCommand, Parameters, Simulator, StabilityWarning, State
 
 PACKAGE_ROOT = Path(manta_sim_ros.__file__).parents[1]
 """Where this process imports the package from: the sources, or the place where it is installed."""
@@ -42,6 +44,22 @@ def any_moment(parameters, seed):
         random.uniform(-1.0, 1.0, 6),
         random.uniform(-5.0, 5.0, 6),
     )
+
+
+def largest_rate(parameters, time_step, left, right, duration=4.0):
+    """Return the largest joint rate [rad/s] of a simulation from rest; infinite when it diverges."""
+    simulator = Simulator(variant(parameters, solver={'time_step': time_step}))
+    largest = 0.0
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter('ignore', StabilityWarning)
+            simulator.command(left=left, right=right)
+        together = max(1, round(0.005 / time_step))
+        for _ in range(round(duration / (together * time_step))):
+            largest = max(largest, float(np.abs(simulator.advance(together * time_step).joint_rates).max()))
+    except DivergenceError:
+        return math.inf
+    return largest
 
 
 def assert_close(actual, desired, relative):

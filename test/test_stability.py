@@ -10,7 +10,6 @@ import pytest
 
 import literal_model
 from manta_sim_ros.dynamics import (
-    DivergenceError,
     FinCommand,
     Parameters,
     Simulator,
@@ -20,7 +19,7 @@ from manta_sim_ros.dynamics import (
 )
 from manta_sim_ros.dynamics.harmonic import straight_fins
 from manta_sim_ros.dynamics.stability import SAFETY, STEPS_PER_PERIOD, step_warning
-from scenarios import SWIM, sized, variant
+from scenarios import SWIM, largest_rate, sized, variant
 
 REST = FinCommand(amplitude=0.0, frequency=0.0, phase=0.0)
 FAST = FinCommand(amplitude=0.5, frequency=5.0, phase=0.35)
@@ -47,22 +46,6 @@ CASES = {
     'light body, added mass': (SWIM, SWIM, {
         'water': {'added_mass_coefficient': 1.0, 'density': 1000.0}, 'body': LIGHT, 'solver': MONOLITHIC}),
 }
-
-
-def largest_rate(parameters, time_step, left, right, duration=4.0):
-    """Return the largest joint rate [rad/s] of a simulation from rest; infinite when it diverges."""
-    simulator = Simulator(variant(parameters, solver={'time_step': time_step}))
-    largest = 0.0
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter('ignore', StabilityWarning)
-            simulator.command(left=left, right=right)
-        together = max(1, round(0.005 / time_step))
-        for _ in range(round(duration / (together * time_step))):
-            largest = max(largest, np.abs(simulator.advance(together * time_step).joint_rates).max())
-    except DivergenceError:
-        return math.inf
-    return largest
 
 
 @pytest.mark.parametrize(('left', 'right', 'groups'), CASES.values(), ids=CASES)

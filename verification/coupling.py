@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import math
 import warnings
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
@@ -12,6 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 from verification.claims import Claim, Section, rounded
 from verification.figures import draw_convergence, fitted_order
+from verification.gaits import GAITS
+from verification.laws import COUPLINGS, ORDERS, STEPS
 from verification.mechanics import rods_of, without_smoothing
 
 import literal_monolithic
@@ -22,23 +23,6 @@ from scenarios import sized, variant
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-COUPLINGS = SEQUENTIAL, MONOLITHIC
-ORDERS = {SEQUENTIAL: 1, MONOLITHIC: 4}
-STEPS = 2e-3, 1e-3, 5e-4, 2.5e-4  # [s]
-
-
-def _gait(amplitude: float, frequency: float, phase: float) -> FinCommand:
-    """Return a gait of amplitude and phase in degrees, frequency in Hz."""
-    return FinCommand(math.radians(amplitude), frequency, math.radians(phase))
-
-
-GAITS = {
-    'forward, A 40, 0.6 Hz': (_gait(40.0, 0.6, 40.0), _gait(40.0, 0.6, 40.0)),
-    'turn 1, phi 40/0, 0.8 Hz': (_gait(40.0, 0.8, 40.0), _gait(40.0, 0.8, 0.0)),
-    'turn 2, A 40/20, 0.8 Hz': (_gait(40.0, 0.8, 40.0), _gait(20.0, 0.8, 40.0)),
-}
-"""Left and right gait, of Figures 9 to 11."""
 
 
 def _pose_after(parameters: Parameters, gaits: tuple[FinCommand, FinCommand], duration: float) -> NDArray:

@@ -8,10 +8,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import brentq
 from verification.claims import Claim, Section, rounded
+from verification.gaits import gait
 from verification.mechanics import without_smoothing
 
-from manta_sim_ros.dynamics import FinCommand, Parameters, Simulator, fin_dynamics
+from manta_sim_ros.dynamics import Parameters, Simulator, fin_dynamics
 from manta_sim_ros.dynamics.parameters import MONOLITHIC
 from scenarios import variant
 
@@ -48,13 +50,12 @@ def first_frequency(parameters: Parameters) -> float:
 
 
 def rippling_speed(parameters: Parameters) -> float:
-    """Return the forward speed [m/s] from which a small disturbance of the flat fin grows, by bisection."""
-    slow, fast = 0.0, 4.0 * first_frequency(parameters) * parameters.rods.support_length / parameters.fin.chains
-    for _ in range(10):
-        middle = 0.5 * (slow + fast)
-        growth = np.linalg.eigvals(_jacobian(parameters, np.array([middle, 0.0, HEAVE, 0.0, 0.0, 0.0]))).real.max()
-        slow, fast = (slow, middle) if growth > GROWING else (middle, fast)
-    return 0.5 * (slow + fast)
+    """Return the forward speed [m/s] from which a small disturbance of the flat fin grows."""
+    def growth(speed: float) -> float:
+        twist = np.array([speed, 0.0, HEAVE, 0.0, 0.0, 0.0])
+        return float(np.linalg.eigvals(_jacobian(parameters, twist)).real.max()) - GROWING
+
+    return float(brentq(growth, 0.0, 4.0 * limit(parameters), rtol=1e-3))
 
 
 def limit(parameters: Parameters) -> float:
@@ -62,22 +63,16 @@ def limit(parameters: Parameters) -> float:
     return first_frequency(parameters) * parameters.rods.support_length / parameters.fin.chains
 
 
-def _command(simulator: Simulator, gait: tuple[float, float, float]) -> None:
-    amplitude, frequency, phase = gait
-    command = FinCommand(amplitude=math.radians(amplitude), frequency=frequency, phase=math.radians(phase))
-    simulator.command(left=command, right=command)
-
-
 def _steps(parameters: Parameters, duration: float) -> float:
     """Return the multiple of the time step that is nearest to `duration` [s]."""
     return round(duration / parameters.solver.time_step) * parameters.solver.time_step
 
 
-def mean_thrust(parameters: Parameters, gait: tuple[float, float, float], periods: int = 3) -> float:
+def mean_thrust(parameters: Parameters, case: tuple[float, float, float], periods: int = 3) -> float:
     """Return the forward force on the held body [N], averaged over whole periods after two."""
     held = without_smoothing(variant(parameters, solver={'fixed_base': True}))
-    simulator, period, samples = Simulator(held), 1.0 / gait[1], 100
-    _command(simulator, gait)
+    simulator, period, samples = Simulator(held), 1.0 / case[1], 100
+    simulator.command(left=gait(*case), right=gait(*case))
     simulator.advance(_steps(held, 2.0 * period))
     start, forces = simulator.state.time, []
     for sample in range(periods * samples):
@@ -86,14 +81,14 @@ def mean_thrust(parameters: Parameters, gait: tuple[float, float, float], period
     return float(np.mean(forces))
 
 
-def cruise(parameters: Parameters, gait: tuple[float, float, float]) -> tuple[float, float]:
+def cruise(parameters: Parameters, case: tuple[float, float, float]) -> tuple[float, float]:
     """Return mean speed [m/s] of `PERIODS` periods of cruise, and the ripple of the fins from chain to chain.
 
     The ripple is the mean difference of the joint rates of neighbours over the mean joint rate: 1.4 for a wave of four
     chains; a smooth surface of n chains has some 3 / n.
     """
-    simulator, period = Simulator(parameters), _steps(parameters, 1.0 / gait[1])
-    _command(simulator, gait)
+    simulator, period = Simulator(parameters), _steps(parameters, 1.0 / case[1])
+    simulator.command(left=gait(*case), right=gait(*case))
     before = simulator.advance(_steps(parameters, LEAD_IN))
     differences, rates = [], []
     for _ in range(PERIODS * 10):
@@ -174,7 +169,7 @@ def fresh_water(quick: bool = False) -> Section:
         (amplitude, frequency): mean_thrust(parameters, (amplitude, frequency, 30.0))
         for amplitude in amplitudes for frequency in frequencies}
     greatest = max(thrusts, key=thrusts.__getitem__)
-    swum = {gait: cruise(parameters, gait) for gait in (GAITS[1:2] if quick else GAITS)}
+    swum = {case: cruise(parameters, case) for case in (GAITS[1:2] if quick else GAITS)}
     refined = {chains: cruise(variant(parameters, fin={'chains': chains}), GAITS[1])
                for chains in ((fin.chains,) if quick else (4, 6, 8, 10, 12, 16, 24, 30))}
     paper = swum[GAITS[1]][0]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import math
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,9 +10,10 @@ from numpy.typing import NDArray
 from scipy.integrate import cumulative_simpson
 from verification.claims import Claim, Section, rounded
 from verification.figures import draw_convergence, fitted_order
+from verification.gaits import SWIM, gait
 from verification.mechanics import Commands, History, energy, power, recorded, to_world, without_smoothing
 
-from manta_sim_ros.dynamics import FinCommand, Parameters, Simulator, State
+from manta_sim_ros.dynamics import Parameters, Simulator, State
 from manta_sim_ros.dynamics.parameters import MONOLITHIC, SEQUENTIAL
 from scenarios import variant
 
@@ -24,8 +24,7 @@ COUPLINGS = SEQUENTIAL, MONOLITHIC
 ORDERS = {SEQUENTIAL: 1, MONOLITHIC: 4}
 SIZE = {'chains': 8, 'links': 3}
 STEPS = 2e-3, 1e-3, 5e-4, 2.5e-4  # [s]; the claims are about the first two
-SWIM = FinCommand(amplitude=math.radians(40.0), frequency=0.6, phase=math.radians(40.0))
-WEAK = dataclasses.replace(SWIM, amplitude=math.radians(20.0))
+WEAK = gait(20.0, 0.6)
 ADDED_MASS = 1.0  # C_a of a thin plate
 
 

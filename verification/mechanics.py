@@ -14,6 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.interpolate import make_interp_spline
 from scipy.spatial.transform import Rotation
 
 from manta_sim_ros.dynamics import FinCommand, Parameters, Simulator
@@ -122,17 +123,6 @@ def fin_motion(parameters: Parameters, history: History, side: int, fractions: N
     return FinMotion(positions, velocity + np.cross(omega, positions) + relative, twist_0)
 
 
-def _rate(time: NDArray, values: NDArray) -> NDArray:
-    """Return the time derivative of values (n, T, ...) at equally spaced times, to fourth order, at the ends too."""
-    inside, first, second = (1, -8, 0, 8, -1), (-25, 48, -36, 16, -3), (-3, -10, 18, -6, 1)
-    count, rate = len(time), np.empty_like(values)
-    rate[:, 2:-2] = sum(weight * values[:, shift:count - 4 + shift] for shift, weight in enumerate(inside))
-    for place, weights in enumerate((first, second)):
-        rate[:, place] = sum(weight * values[:, shift] for shift, weight in enumerate(weights))
-        rate[:, -1 - place] = -sum(weight * values[:, -1 - shift] for shift, weight in enumerate(weights))
-    return rate / (12.0 * (time[1] - time[0]))
-
-
 def _chord(parameters: Parameters) -> float:
     """Return ds [m], the share of the chord that a chain stands for."""
     return parameters.rods.support_length / parameters.fin.chains
@@ -182,7 +172,8 @@ def power(parameters: Parameters, history: History) -> dict[str, NDArray]:
         on_fins += _chord(parameters) * np.sum(forces * middle, axis=(0, 2, 3))
         if water.added_mass_coefficient > 0.0:
             in_world = np.einsum('tab,ntmb->ntma', rotations, middle)
-            accelerations = np.einsum('tba,ntmb->ntma', rotations, _rate(history.time, in_world))
+            followed = make_interp_spline(history.time, in_world, k=5, axis=1)
+            accelerations = np.einsum('tba,ntmb->ntma', rotations, followed.derivative()(history.time))
             forces = added_mass_forces(
                 parameters, ends.positions[..., 0, :], ends.positions[..., 1, :], accelerations)
             set_in_motion += _chord(parameters) * np.sum(forces * middle, axis=(0, 2, 3))

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.interpolate import CubicHermiteSpline
 from scipy.special import ellipk
 from verification.claims import Claim, Section, rounded
 from verification.figures import draw_convergence, fitted_order
@@ -144,19 +145,10 @@ def _pendulum_period(time_step: float) -> tuple[float, float]:
         sides = [now.joint_angles[0, 0, 0] + math.pi / 2.0 for now in (state, after)]
         if sides[0] * sides[1] < 0.0:
             rates = [now.joint_rates[0, 0, 0] for now in (state, after)]
-            passed.append(state.time + _root(*sides, *rates, time_step))
+            passed.extend(CubicHermiteSpline([state.time, after.time], sides, rates).roots(extrapolate=False))
         state = dataclasses.replace(
             after, position=still.position, orientation=still.orientation, twist=still.twist, acceleration=pull)
     return passed[2] - passed[0], exact
-
-
-def _root(before: float, after: float, rate_before: float, rate_after: float, step: float) -> float:
-    """Return where in a step the cubic through two values and their rates is zero."""
-    slope = (after - before) / step
-    cubic = [(rate_before + rate_after - 2.0 * slope) / step**2, (3.0 * slope - 2.0 * rate_before - rate_after) / step,
-             rate_before, before]
-    roots = np.roots(cubic)
-    return float(next(root.real for root in roots if abs(root.imag) < 1e-9 * step and 0.0 <= root.real <= step))
 
 
 def pendulum(quick: bool = False) -> Section:

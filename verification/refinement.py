@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING, NamedTuple
@@ -11,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from verification.claims import Claim, Section, rounded
 from verification.figures import MARKERS, mark
-from verification.laws import SWIM
+from verification.gaits import SWIM, gait
 from verification.mechanics import without_smoothing
 
 from manta_sim_ros.dynamics import Parameters, Simulator, State
@@ -29,7 +28,7 @@ TOO_MANY_CHAINS = 30, 60, 120, 240  # see `short_waves`
 LINKS = {1: 2e-3, 2: 2e-3, 3: 2e-3, 4: 1e-3, 6: 5e-4, 8: 2.5e-4, 12: 1e-4}  # each with a step that is stable, [s]
 STEPS = 2.5e-3, 2e-3, 1e-3, 5e-4, 2.5e-4  # [s]
 COARSE = 8  # chains while links or steps are refined
-TURN = dataclasses.replace(SWIM, amplitude=math.radians(35.0))  # of the right fin, the left one swims with SWIM
+TURN = gait(35.0, 0.6)  # of the right fin, the left one swims with SWIM
 QUANTITIES = 'thrust', 'cruise speed', 'yaw rate'
 
 

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 from verification.claims import Claim, Section, rounded
-from verification.coupling import GAITS
 from verification.figures import MARKERS
+from verification.gaits import GAITS
 from verification.mechanics import without_smoothing
 
 from manta_sim_ros.dynamics import FinCommand, Parameters, Simulator, State

@@ -2,26 +2,21 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
-import warnings
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from verification.claims import Check, Claim, Section, rounded
-from verification.laws import SWIM
+from verification.gaits import SWIM, gait
 
 from manta_sim_ros.dynamics import (
-    DivergenceError,
     FinCommand,
     Parameters,
-    Simulator,
-    StabilityWarning,
     largest_stable_step,
 )
 from manta_sim_ros.dynamics.parameters import MONOLITHIC, SEQUENTIAL
-from scenarios import variant
+from scenarios import largest_rate, variant
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -35,12 +30,6 @@ REST = FinCommand(amplitude=0.0, frequency=0.0, phase=0.0)
 HELD: Mapping[str, Any] = {'fixed_base': True}
 TOGETHER: Mapping[str, Any] = {'coupling': MONOLITHIC}
 LIGHT: Mapping[str, Any] = {'mass': 3.0, 'inertia': (0.3, 0.3, 0.5)}
-
-
-def gait(amplitude: float, frequency: float, phase: float = 40.0) -> FinCommand:
-    """Return a gait whose angles are given in degrees."""
-    return FinCommand(amplitude=math.radians(amplitude), frequency=frequency, phase=math.radians(phase))
-
 
 CASES: tuple[tuple[FinCommand, FinCommand, Mapping[str, Mapping[str, Any]]], ...] = (
     (SWIM, SWIM, {}),
@@ -89,31 +78,15 @@ QUICK = slice(0, None, 4)
 RANDOM_ROBOTS = 60
 
 
-def largest_rate(parameters: Parameters, time_step: float, left: FinCommand, right: FinCommand) -> float:
-    """Return the largest joint rate [rad/s] of a simulation from rest; infinite when it diverges."""
-    simulator = Simulator(dataclasses.replace(
-        parameters, solver=dataclasses.replace(parameters.solver, time_step=time_step)))
-    largest, together = 0.0, max(1, round(0.005 / time_step))
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter('ignore', StabilityWarning)
-            simulator.command(left=left, right=right)
-        for _ in range(round(DURATION / (together * time_step))):
-            largest = max(largest, float(np.abs(simulator.advance(together * time_step).joint_rates).max()))
-    except DivergenceError:
-        return math.inf
-    return largest
-
-
 def diverging_step(parameters: Parameters, left: FinCommand, right: FinCommand, start: float) -> float:
     """Return the smallest step [s], searched from `start` / 1.5 to `start` * 3, at which a simulation diverges."""
-    bound = TOO_FAST * largest_rate(parameters, start / 8.0, left, right)
+    bound = TOO_FAST * largest_rate(parameters, start / 8.0, left, right, DURATION)
     low, high = start / 1.5, start / 1.5
-    while high < 3.0 * start and largest_rate(parameters, high, left, right) < bound:
+    while high < 3.0 * start and largest_rate(parameters, high, left, right, DURATION) < bound:
         low, high = high, 1.1 * high
     while high > RESOLUTION * low:
         middle = math.sqrt(low * high)
-        if largest_rate(parameters, middle, left, right) < bound:
+        if largest_rate(parameters, middle, left, right, DURATION) < bound:
             low = middle
         else:
             high = middle
@@ -153,8 +126,8 @@ def sound_share(count: int) -> float:
     sound = 0
     for left, right, parameters in random_robots(count):
         step = largest_stable_step(parameters, left, right)
-        expected = largest_rate(parameters, step / 8.0, left, right)
-        sound += largest_rate(parameters, step, left, right) < TOO_FAST * expected
+        expected = largest_rate(parameters, step / 8.0, left, right, DURATION)
+        sound += largest_rate(parameters, step, left, right, DURATION) < TOO_FAST * expected
     return sound / count
 
 
@@ -164,7 +137,7 @@ def check_largest_stable_step(quick: bool = False) -> Section:
     ratios, others = within[1] / within[0], beyond[1] / beyond[0]
     robots = RANDOM_ROBOTS // 6 if quick else RANDOM_ROBOTS
     share = sound_share(robots)
-    reference = 'bisection on simulations of 4 s'
+    reference = f'bisection on simulations of {DURATION:g} s'
     reason = 'required: on the safe side, within a factor of 1.5'
     return Section(
         title='The largest stable step',
@@ -184,8 +157,8 @@ def check_largest_stable_step(quick: bool = False) -> Section:
         claims=(
             Claim('smallest diverging step over the estimate', reference, float(ratios.min()), BAND, reason),
             Claim('largest diverging step over the estimate', reference, float(ratios.max()), BAND, reason),
-            Claim('share of random robots of 3 to 5 links that are sound at the estimate', 'simulations of 4 s', share,
-                  (0.9, 1.0), 'measured; the linearised chain does not know every motion'),
+            Claim('share of random robots of 3 to 5 links that are sound at the estimate',
+                  f'simulations of {DURATION:g} s', share, (0.9, 1.0), 'measured; the linearised chain does not know every motion'),
         ),
         draw=lambda figure: _draw(figure, within, beyond),
         caption='Steps at which simulations diverge, against the estimate; shaded: one to one and a half times the '

@@ -97,7 +97,8 @@ def eliminate_joints(
             turning = cj * gz - sj * gy
             ax = _along_support(omega, station[k], y[j, k], z[j, k], y_rate[j, k], z_rate[j, k])
             force = mu * (n_x * ax + half * turning) - link_drag(
-                cj, sj, y[j, k], z[j, k], y_rate[j, k], z_rate[j, k], n_x, station[k], through_water, omega, drag_factor,
+                cj, sj, y[j, k], z[j, k], y_rate[j, k], z_rate[j, k], n_x, station[k],
+                through_water, omega, drag_factor,
             )
 
             ey = p_y[k] + dl * (m_yy[k] * gy + m_yz[k] * gz)

@@ -217,7 +217,8 @@ def reflected_inertia(
         for k in range(row):
             cj, sj, n_x = c[j, k], s[j, k], slope[j, k]
             force = link_drag(
-                cj, sj, y[j, k], z[j, k], y_rate[j, k], z_rate[j, k], n_x, station[k], through_water, omega, drag_factor,
+                cj, sj, y[j, k], z[j, k], y_rate[j, k], z_rate[j, k], n_x, station[k],
+                through_water, omega, drag_factor,
             )
 
             spin = w[j, k] + wx
