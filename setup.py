@@ -14,8 +14,8 @@ setup(
         ('share/' + package_name + '/config', sorted(glob('config/*.yaml'))),
         ('share/' + package_name + '/launch', sorted(glob('launch/*.launch.py'))),
     ],
-    install_requires=['numba', 'numpy', 'PyYAML', 'setuptools'],
-    extras_require={'test': ['hypothesis', 'pytest', 'scipy']},
+    install_requires=['matplotlib', 'numba', 'numpy', 'pillow', 'PyYAML', 'scipy', 'setuptools', 'tqdm'],
+    extras_require={'test': ['hypothesis', 'pytest']},
     zip_safe=False,  # Numba keeps compiled kernels beside the modules.
     python_requires='>=3.10',
     maintainer='manta_sim_ros maintainers',
@@ -26,6 +26,7 @@ setup(
         'console_scripts': [
             'gait_node = manta_sim_ros.executables:gait_node',
             'monitor_node = manta_sim_ros.executables:monitor_node',
+            'paper_figures = manta_sim_ros.executables:paper_figures',
             'sim_node = manta_sim_ros.executables:sim_node',
         ],
     },

@@ -1,6 +1,6 @@
-"""The executables: from their first moment on, Ctrl-C and SIGTERM end them with status 0 and without a traceback.
+"""The executables: from their first moment on, Ctrl-C and SIGTERM end them without a traceback, nodes with status 0.
 
-The imports of a node take a second or two, in which an exception would end in the middle of anything.
+The imports take a second or two, in which an exception would end in the middle of anything.
 """
 
 from __future__ import annotations
@@ -32,11 +32,17 @@ def monitor_node() -> None:
     main()
 
 
-def _end_when_interrupted() -> None:
-    """Until `run_node` takes over: nothing has begun that would have to be ended."""
+def paper_figures() -> None:
+    """Draw the paper's figures."""
+    _end_when_interrupted(status=130)
+    from manta_sim_ros.paper.command import main
+    main()
+
+
+def _end_when_interrupted(status: int = 0) -> None:
+    """Until `main` takes over: nothing has begun that would have to be ended."""
+    def end(signum: int, frame: FrameType | None) -> None:
+        os._exit(status)
+
     for ending in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(ending, _end)
-
-
-def _end(signum: int, frame: FrameType | None) -> None:
-    os._exit(0)
+        signal.signal(ending, end)

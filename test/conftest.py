@@ -56,7 +56,7 @@ def command_of(executable):
         path = Path(get_package_prefix('manta_sim_ros'), 'lib', 'manta_sim_ros', executable)
         if path.is_file():
             return [str(path)]
-    return [sys.executable, '-c', f'from manta_sim_ros.{executable} import main; main()']
+    return [sys.executable, '-c', f'from manta_sim_ros.executables import {executable}; {executable}()']
 
 
 class NodeProcess:

@@ -1,0 +1,39 @@
+"""Files that are there whole or not at all."""
+
+from __future__ import annotations
+
+import contextlib
+import csv
+import math
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+
+import numpy as np
+
+DIGITS = 7
+
+
+@contextlib.contextmanager
+def whole(path: Path) -> Iterator[Path]:
+    """Give a place beside `path` to write to, which takes its name when nothing went wrong and goes away otherwise."""
+    part = path.with_name(f'.part-{path.name}')
+    try:
+        yield part
+        part.replace(path)
+    finally:
+        part.unlink(missing_ok=True)
+
+
+def write_csv(columns: Mapping[str, np.ndarray], path: Path) -> None:
+    """Write columns of equal length, numbers or texts, below their names; NaN becomes an empty cell."""
+    with path.open('w', newline='', encoding='utf-8') as file:
+        writer = csv.writer(file)
+        writer.writerow(columns)
+        for row in zip(*(values.tolist() for values in columns.values()), strict=True):
+            writer.writerow(_cell(value) for value in row)
+
+
+def _cell(value: float | str) -> str:
+    if isinstance(value, str):
+        return value
+    return '' if math.isnan(value) else f'{value:.{DIGITS}g}'

@@ -1,0 +1,114 @@
+"""Long computations, several at a time, with a progress bar."""
+
+from __future__ import annotations
+
+import concurrent.futures
+import multiprocessing
+import os
+import queue
+import signal
+import sys
+import time
+from collections.abc import Callable, Sequence
+from types import FrameType
+from typing import Any, NamedTuple
+
+from tqdm import tqdm
+
+Done = Callable[[], object]
+"""Called after each part of a job."""
+
+POLL = 0.1  # s between two looks at the progress
+
+
+class Job(NamedTuple):
+    """One thing to do: `run(done)` in a process of its own; it and its result must be picklable."""
+
+    name: str
+    """For the line that says that it is done; empty for none."""
+    parts: int
+    """How often `run` calls `done`."""
+    run: Callable[[Done], Any]
+
+
+def run_jobs(jobs: Sequence[Job], processes: int | None = None) -> list[Any]:
+    """Run jobs, by default as many at a time as there are cores, and return their results in the order of `jobs`.
+
+    Prints a line for each that is done, and shows a progress bar on standard error if that is a terminal. When a job
+    fails or the process is interrupted, all others are ended at once.
+
+    Raises
+    ------
+    Exception
+        What the first job that failed raised.
+
+    """
+    context = multiprocessing.get_context('spawn')
+    parts = context.Queue()
+    bar = tqdm(total=sum(job.parts for job in jobs), disable=None, unit='part', smoothing=0.1)
+    executor = concurrent.futures.ProcessPoolExecutor(
+        min(processes or len(os.sched_getaffinity(0)), len(jobs)), mp_context=context, initializer=_begin,
+        initargs=(parts,))
+    try:
+        with bar:
+            runs = {executor.submit(_timed, job): job for job in jobs}
+            waiting = set(runs)
+            while waiting:
+                finished, waiting = concurrent.futures.wait(
+                    waiting, POLL, return_when=concurrent.futures.FIRST_COMPLETED)
+                bar.update(_taken(parts))
+                for run in finished:
+                    seconds = run.result()[1]
+                    if runs[run].name:
+                        bar.write(f'{runs[run].name} ({seconds:.0f} s)', file=sys.stdout)
+                        sys.stdout.flush()
+            bar.update(bar.total - bar.n)
+    except BaseException:
+        for process in multiprocessing.active_children():
+            process.terminate()
+        executor.shutdown(cancel_futures=True)
+        raise
+    executor.shutdown()
+    return [run.result()[0] for run in runs]
+
+
+def _taken(parts: Any) -> int:
+    count = 0
+    while True:
+        try:
+            parts.get_nowait()
+        except queue.Empty:
+            return count
+        count += 1
+
+
+_parts: Any = None
+"""Where a process tells the first one of each part that is done."""
+
+
+class _Ended(SystemExit):
+    """Ctrl-C or SIGTERM in a process that works: what it has begun is cleared away, then it ends."""
+
+
+def _begin(parts: Any) -> None:
+    global _parts
+    _parts = parts
+    for ending in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(ending, _end)
+
+
+def _end(signum: int, frame: FrameType | None) -> None:
+    raise _Ended(1)
+
+
+def _timed(job: Job) -> tuple[Any, float]:
+    start = time.monotonic()
+    try:
+        result = job.run(_done)
+    except _Ended:  # the executor would take it for a result
+        os._exit(1)
+    return result, time.monotonic() - start
+
+
+def _done() -> None:
+    _parts.put(None)
