@@ -1,4 +1,4 @@
-"""One style for all plots of docs/verification.md, and the plots that several sections share."""
+"""The plots of docs/verification.md: how they are written, and what several sections share."""
 
 from __future__ import annotations
 
@@ -10,32 +10,18 @@ import numpy as np
 from numpy.typing import ArrayLike
 from verification.claims import Section
 
+from manta_sim_ros.paper.style import MARKERS, save_png
+
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-SIZE, RESOLUTION = (7.2, 3.0), 130.0  # [in], [1/in]: the width of a printed page
-STYLE = {
-    'font.size': 9.0, 'axes.grid': True, 'grid.alpha': 0.3, 'grid.linewidth': 0.5, 'lines.linewidth': 1.4,
-    'lines.markersize': 4.5, 'legend.fontsize': 8.0, 'legend.framealpha': 0.9, 'axes.spines.top': False,
-    'axes.spines.right': False,
-    'axes.prop_cycle': "cycler('color', ['0072b2', 'd55e00', '009e73', 'cc79a7', 'e69f00', '444444'])",
-}
-"""Colours that stay apart in print and for colour-blind readers (Okabe and Ito)."""
-MARKERS = 'os^DvP'
+HEIGHT = 3.0  # [in]
 
 
 def save(section: Section, path: Path) -> None:
-    """Draw the section's plot into a PNG file that is the same, byte for byte, whenever the data are."""
-    import matplotlib as mpl
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
+    """Draw the section's plot into a PNG file."""
     assert section.draw is not None
-    with mpl.rc_context(STYLE):
-        figure = Figure(figsize=SIZE, dpi=RESOLUTION, layout='constrained')
-        FigureCanvasAgg(figure)
-        section.draw(figure)
-        figure.savefig(path, metadata={'Software': None})
+    save_png(section.draw, path, HEIGHT)
 
 
 def draw_convergence(

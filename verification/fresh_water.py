@@ -10,11 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 from verification.claims import Claim, Section, rounded
-from verification.gaits import gait
 from verification.mechanics import without_smoothing
 
 from manta_sim_ros.dynamics import Parameters, Simulator, fin_dynamics
 from manta_sim_ros.dynamics.parameters import MONOLITHIC
+from manta_sim_ros.paper.gaits import gait
 from scenarios import variant
 
 if TYPE_CHECKING:

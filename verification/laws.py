@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 from scipy.integrate import cumulative_simpson
 from verification.claims import Claim, Section, rounded
 from verification.figures import draw_convergence, fitted_order
-from verification.gaits import SWIM, gait
 from verification.mechanics import Commands, History, energy, power, recorded, to_world, without_smoothing
 
 from manta_sim_ros.dynamics import Parameters, Simulator, State
 from manta_sim_ros.dynamics.parameters import MONOLITHIC, SEQUENTIAL
+from manta_sim_ros.paper.gaits import STRAIGHT, gait
 from scenarios import variant
 
 if TYPE_CHECKING:
@@ -61,7 +61,7 @@ class Balance:
 
 def _balance(parameters: Parameters) -> Balance:
     """Follow half a period of the paper's gait; the work is Simpson's integral of the power at every step."""
-    history = followed(parameters, (SWIM, SWIM), 0.2, 0.8)
+    history = followed(parameters, (STRAIGHT, STRAIGHT), 0.2, 0.8)
     stored = sum(energy(parameters, history).values())
     work = {name: cumulative_simpson(values, dx=parameters.solver.time_step, initial=0.0)
             for name, values in power(parameters, history).items()}
@@ -145,8 +145,8 @@ def frame_of_reference(quick: bool = False) -> Section:
             still = robot(coupling, step)
             flowing = variant(still, water={'current': CURRENT})
             carried = dataclasses.replace(State.at_rest(flowing), twist=np.concatenate([CURRENT, np.zeros(3)]))
-            one = followed(still, (SWIM, WEAK), 0.0, 2.0, every=50)
-            other = followed(flowing, (SWIM, WEAK), 0.0, 2.0, carried, every=50)
+            one = followed(still, (STRAIGHT, WEAK), 0.0, 2.0, every=50)
+            other = followed(flowing, (STRAIGHT, WEAK), 0.0, 2.0, carried, every=50)
             velocities = [np.einsum('tab,tb->ta', to_world(run), run.twist[:, :3]) for run in (one, other)]
             apart[coupling].append(float(max(
                 np.abs(other.position - one.position - np.outer(one.time, CURRENT)).max() / np.ptp(one.position),

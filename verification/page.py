@@ -17,7 +17,7 @@ where a full one takes long, are tests (`test/test_verification.py`), which also
 A claim has a reference that does not share the code under test, a measured error, and a tolerance whose reason its
 section gives. Errors are relative unless they have a unit. Where a tolerance is a pair of numbers, such as bounds of an
 order of convergence, the error is the measured value. Equation numbers are those of Qu et al., J. Mar. Sci. Eng. 2024,
-12, 292; [model.md](model.md) says where the print is not followed.
+12, 292; [paper.md](paper.md) says where the print is not followed.
 
 What is verified is that the code solves the model, how exactly, and what the model's grid costs in accuracy. Whether
 the model is the robot, its coefficients above all, only measurements on a robot can say.

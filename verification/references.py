@@ -74,7 +74,7 @@ mechanism's geometry, the springs and the water's forces: Pinocchio does the mul
 built as it stands instead of mirrored. {len(seeds) * len(unknowns) * 2} random states of each kind, bent and moving
 more than a robot's fins are, in {len(unknowns)} sizes; differences are relative to the largest entry.
 
-All three were written from one page that settles the paper's slips (`docs/model.md`). An error in that page would be in
+All three were written from one page that settles the paper's slips (`docs/paper.md`). An error in that page would be in
 all; the balances of energy and momentum above, and the beam, the plate and the pendulum below, do not depend on it.
 """, claims, draw, 'Largest difference to the other implementations by size, all random states.')
 

@@ -9,12 +9,13 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from verification.claims import Claim, Section, rounded
-from verification.figures import MARKERS, mark
-from verification.gaits import SWIM, gait
+from verification.figures import mark
 from verification.mechanics import without_smoothing
 
 from manta_sim_ros.dynamics import Parameters, Simulator, State
 from manta_sim_ros.dynamics.parameters import MONOLITHIC, SEQUENTIAL
+from manta_sim_ros.paper.gaits import STRAIGHT, gait
+from manta_sim_ros.paper.style import MARKERS
 from scenarios import variant
 
 if TYPE_CHECKING:
@@ -28,7 +29,7 @@ TOO_MANY_CHAINS = 30, 60, 120, 240  # see `short_waves`
 LINKS = {1: 2e-3, 2: 2e-3, 3: 2e-3, 4: 1e-3, 6: 5e-4, 8: 2.5e-4, 12: 1e-4}  # each with a step that is stable, [s]
 STEPS = 2.5e-3, 2e-3, 1e-3, 5e-4, 2.5e-4  # [s]
 COARSE = 8  # chains while links or steps are refined
-TURN = gait(35.0, 0.6)  # of the right fin, the left one swims with SWIM
+TURN = gait(35.0, 0.6)  # of the right fin, the left one swims with STRAIGHT
 QUANTITIES = 'thrust', 'cruise speed', 'yaw rate'
 
 
@@ -45,12 +46,12 @@ def swim(chains: int, links: int, time_step: float, coupling: str = MONOLITHIC) 
     free = without_smoothing(variant(
         fin={'chains': chains, 'links': links}, solver={'time_step': time_step, 'coupling': coupling}))
     held = Simulator(variant(free, solver={'fixed_base': True}))
-    held.command(left=SWIM, right=SWIM)
+    held.command(left=STRAIGHT, right=STRAIGHT)
     held.advance(HELD_LEAD_IN)
     thrust = float(np.mean([held.advance(0.02).wrench[0] for _ in range(round(PERIODS / 0.02))]))
     straight, turning = Simulator(free), Simulator(free)
-    straight.command(left=SWIM, right=SWIM)
-    turning.command(left=SWIM, right=TURN)
+    straight.command(left=STRAIGHT, right=STRAIGHT)
+    turning.command(left=STRAIGHT, right=TURN)
     first, last = straight.advance(FREE_LEAD_IN), straight.advance(PERIODS)
     speed = float(np.linalg.norm(last.position - first.position)) / PERIODS
     headings = [_heading(turning.advance(FREE_LEAD_IN))]

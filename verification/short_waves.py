@@ -10,12 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 from verification.claims import Claim, Section, rounded
-from verification.figures import MARKERS
 from verification.gaits import GAITS
 from verification.mechanics import without_smoothing
 
 from manta_sim_ros.dynamics import FinCommand, Parameters, Simulator, State
 from manta_sim_ros.dynamics.parameters import MONOLITHIC
+from manta_sim_ros.paper.style import MARKERS
 from pinocchio_tree import support_pose
 from scenarios import sized, variant
 

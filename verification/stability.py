@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from verification.claims import Check, Claim, Section, rounded
-from verification.gaits import SWIM, gait
 
 from manta_sim_ros.dynamics import (
     FinCommand,
@@ -16,6 +15,7 @@ from manta_sim_ros.dynamics import (
     largest_stable_step,
 )
 from manta_sim_ros.dynamics.parameters import MONOLITHIC, SEQUENTIAL
+from manta_sim_ros.paper.gaits import STRAIGHT, gait
 from scenarios import largest_rate, variant
 
 if TYPE_CHECKING:
@@ -32,46 +32,47 @@ TOGETHER: Mapping[str, Any] = {'coupling': MONOLITHIC}
 LIGHT: Mapping[str, Any] = {'mass': 3.0, 'inertia': (0.3, 0.3, 0.5)}
 
 CASES: tuple[tuple[FinCommand, FinCommand, Mapping[str, Mapping[str, Any]]], ...] = (
-    (SWIM, SWIM, {}),
-    (SWIM, SWIM, {'solver': HELD}),
+    (STRAIGHT, STRAIGHT, {}),
+    (STRAIGHT, STRAIGHT, {'solver': HELD}),
     (gait(40, 0.8), gait(20, 0.8), {}),
     (gait(30, 0.4, 0.0), REST, {}),
     (gait(50, 0.8, -40.0), gait(50, 0.8, -40.0), {'solver': HELD}),
     (gait(20, 5.0, 20.0), gait(20, 5.0, 20.0), {'solver': HELD}),
     (gait(30, 5.0, 20.0), gait(30, 5.0, 20.0), {}),
-    (SWIM, SWIM, {'fin': {'youngs_modulus': 0.0}}),
-    (SWIM, SWIM, {'fin': {'youngs_modulus': 1e6}}),
-    (SWIM, SWIM, {'fin': {'youngs_modulus': 1e7}}),
-    (SWIM, SWIM, {'fin': {'youngs_modulus': 1e9}}),
-    (SWIM, SWIM, {'fin': {'thickness': 0.004}}),
-    (SWIM, SWIM, {'fin': {'thickness': 0.02}}),
-    (SWIM, SWIM, {'fin': {'joint_damping': 0.0}}),
-    (SWIM, SWIM, {'fin': {'joint_damping': 1.0}}),
-    (SWIM, SWIM, {'fin': {'links': 1}}),
-    (SWIM, SWIM, {'fin': {'links': 2}}),
-    (SWIM, SWIM, {'fin': {'links': 8}}),
-    (SWIM, SWIM, {'fin': {'links': 2, 'drag_coefficient': 4.0}}),
-    (SWIM, SWIM, {'fin': {'span': 0.15}}),
-    (SWIM, SWIM, {'fin': {'span': 0.5}}),
-    (SWIM, SWIM, {'water': {'density': 0.0}}),
-    (SWIM, SWIM, {'water': {'density': 1000.0}}),
+    (STRAIGHT, STRAIGHT, {'fin': {'youngs_modulus': 0.0}}),
+    (STRAIGHT, STRAIGHT, {'fin': {'youngs_modulus': 1e6}}),
+    (STRAIGHT, STRAIGHT, {'fin': {'youngs_modulus': 1e7}}),
+    (STRAIGHT, STRAIGHT, {'fin': {'youngs_modulus': 1e9}}),
+    (STRAIGHT, STRAIGHT, {'fin': {'thickness': 0.004}}),
+    (STRAIGHT, STRAIGHT, {'fin': {'thickness': 0.02}}),
+    (STRAIGHT, STRAIGHT, {'fin': {'joint_damping': 0.0}}),
+    (STRAIGHT, STRAIGHT, {'fin': {'joint_damping': 1.0}}),
+    (STRAIGHT, STRAIGHT, {'fin': {'links': 1}}),
+    (STRAIGHT, STRAIGHT, {'fin': {'links': 2}}),
+    (STRAIGHT, STRAIGHT, {'fin': {'links': 8}}),
+    (STRAIGHT, STRAIGHT, {'fin': {'links': 2, 'drag_coefficient': 4.0}}),
+    (STRAIGHT, STRAIGHT, {'fin': {'span': 0.15}}),
+    (STRAIGHT, STRAIGHT, {'fin': {'span': 0.5}}),
+    (STRAIGHT, STRAIGHT, {'water': {'density': 0.0}}),
+    (STRAIGHT, STRAIGHT, {'water': {'density': 1000.0}}),
     (REST, REST, {'water': {'current': (0.0, 0.0, 1.0)}, 'solver': HELD}),
-    (SWIM, SWIM, {'solver': TOGETHER}),
-    (SWIM, SWIM, {'water': {'added_mass_coefficient': 1.0}, 'solver': TOGETHER}),
-    (SWIM, SWIM, {
+    (STRAIGHT, STRAIGHT, {'solver': TOGETHER}),
+    (STRAIGHT, STRAIGHT, {'water': {'added_mass_coefficient': 1.0}, 'solver': TOGETHER}),
+    (STRAIGHT, STRAIGHT, {
         'water': {'added_mass_coefficient': 1.0, 'density': 1000.0}, 'body': LIGHT, 'solver': TOGETHER}),
 )
 BEYOND: tuple[tuple[FinCommand, FinCommand, Mapping[str, Mapping[str, Any]]], ...] = (
-    (SWIM, SWIM, {'fin': {'span': 1.0}, 'solver': HELD}),
-    (SWIM, SWIM, {'fin': {'youngs_modulus': 1e7}, 'water': {'added_mass_coefficient': 1.0}, 'solver': TOGETHER}),
-    (SWIM, SWIM, {'fin': {'links': 2, 'span': 0.5}}),
+    (STRAIGHT, STRAIGHT, {'fin': {'span': 1.0}, 'solver': HELD}),
+    (STRAIGHT, STRAIGHT,
+     {'fin': {'youngs_modulus': 1e7}, 'water': {'added_mass_coefficient': 1.0}, 'solver': TOGETHER}),
+    (STRAIGHT, STRAIGHT, {'fin': {'links': 2, 'span': 0.5}}),
     (gait(30, 1.0, 0.0), gait(15, 1.0, 0.0), {'fin': {'links': 1, 'youngs_modulus': 1e9}}),
     (gait(40, 0.1), gait(40, 0.1), {'fin': {'links': 1}}),
-    (SWIM, SWIM, {'fin': {'links': 2, 'drag_coefficient': 4.0}, 'solver': HELD}),
+    (STRAIGHT, STRAIGHT, {'fin': {'links': 2, 'drag_coefficient': 4.0}, 'solver': HELD}),
     (gait(40, 5.0, 20.0), gait(40, 5.0, 20.0), {'solver': HELD}),
-    (SWIM, SWIM, {'water': {'current': (1.0, 0.0, 0.0)}, 'solver': HELD}),
-    (SWIM, SWIM, {'fin': {'links': 1}, 'water': {'current': (-0.5, 0.0, 0.0)}, 'solver': HELD}),
-    (SWIM, SWIM, {'fin': {'links': 1}, 'water': {'current': (0.0, 0.0, 0.5)}, 'solver': HELD}),
+    (STRAIGHT, STRAIGHT, {'water': {'current': (1.0, 0.0, 0.0)}, 'solver': HELD}),
+    (STRAIGHT, STRAIGHT, {'fin': {'links': 1}, 'water': {'current': (-0.5, 0.0, 0.0)}, 'solver': HELD}),
+    (STRAIGHT, STRAIGHT, {'fin': {'links': 1}, 'water': {'current': (0.0, 0.0, 0.5)}, 'solver': HELD}),
 )
 """Where the estimate is known to leave the band: fins that ripple, stiff ones of few links, a slow start, currents."""
 QUICK = slice(0, None, 4)
