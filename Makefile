@@ -8,7 +8,7 @@
 export ROS PYTHON DURATION
 VENV := $(if $(filter-out kilted,$(ROS)),.venv-$(ROS),.venv)
 
-.PHONY: help sim test lint bench verify setup clean
+.PHONY: help sim test lint bench verify paper setup clean
 
 help:  ## say what there is
 	@sed -n 's/^\([a-z]*\):.*## /\1\t/p' $(firstword $(MAKEFILE_LIST)) | expand -t 8
@@ -28,6 +28,9 @@ bench:  ## compare the speed with Pinocchio, MuJoCo and plain NumPy
 
 verify:  ## prove the physics: docs/verification.md and its plots anew, about five minutes
 	@scripts/setup.sh --dev -- python verification/verify.py
+
+paper:  ## draw the paper's figures: docs/paper.md, its plots and animations anew, about two minutes
+	@scripts/setup.sh --dev -- python paper/make.py
 
 setup:  ## make the virtual environment and build the package, with all tools
 	@scripts/setup.sh --dev

@@ -1,0 +1,100 @@
+"""What the paper's 0.01 s of simulated time cost: the literal version in NumPy and the library, in one run.
+
+Times are this process's processor time, so what else the machine does does not count. Rounds of the library come before
+and after the literal version, which is slow enough for one.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import time
+from collections.abc import Callable
+
+import numpy as np
+
+import literal_model
+from manta_sim_ros.dynamics import Parameters, Simulator
+from manta_sim_ros.paper.gaits import STRAIGHT, robot
+
+PAPER_TIME = 0.18
+"""[s] Section 4: computing time of SPAN on an i5-8365U, 30 chains of 3 links a fin."""
+SPAN = 0.01
+"""[s] of simulated time."""
+ROUNDS = 20
+SPANS = 50
+"""SPAN so many times in each round of the library."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Cost:
+    """Seconds of one core for SPAN of straight swimming, both fins and the body."""
+
+    literal: float
+    """The literal version in NumPy [s]."""
+    library: float
+    """The library, median of the rounds [s]."""
+    steps: int
+    """Steps in SPAN, of both."""
+    paper: float = PAPER_TIME
+    """What the paper says, of another machine and one step [s]."""
+
+    @property
+    def literal_over_library(self) -> float:
+        """How many times the library is faster than the literal version, on the same machine."""
+        return self.literal / self.library
+
+    @property
+    def paper_over_library(self) -> float:
+        """How many times the library is faster than the paper says, on different machines."""
+        return self.paper / self.library
+
+    @property
+    def paper_over_literal(self) -> float:
+        """The paper's time in that of the literal version, on different machines."""
+        return self.paper / self.literal
+
+    @property
+    def real_time_factors(self) -> dict[str, float]:
+        """Simulated time in computing time, of each field with a time; above 1 is faster than real time."""
+        return {name: SPAN / getattr(self, name) for name in ('paper', 'literal', 'library')}
+
+
+def measure(done: Callable[[], object] = lambda: None, quick: bool = False) -> Cost:
+    """Time both; `done` is called once. `quick` takes one step of the literal version and few rounds, for tests."""
+    parameters = robot()
+    steps = round(SPAN / parameters.solver.time_step)
+    rounds = 3 if quick else ROUNDS
+    simulator = Simulator(parameters)
+    simulator.command(left=STRAIGHT, right=STRAIGHT)
+    simulator.advance(1.0)  # compiled, and swimming
+    before = [library_seconds(simulator) for _ in range(rounds)]
+    literal = steps * literal_seconds(parameters, 1 if quick else steps)
+    after = [library_seconds(simulator) for _ in range(rounds)]
+    done()
+    return Cost(literal, float(np.median(before + after)), steps)
+
+
+def library_seconds(simulator: Simulator) -> float:
+    """Return the seconds that SPAN of a simulation takes."""
+    start = time.process_time()
+    simulator.advance(SPANS * SPAN)
+    return (time.process_time() - start) / SPANS
+
+
+def literal_seconds(parameters: Parameters, steps: int) -> float:
+    """Return the seconds that a step of the literal version takes, mean of so many from rest on."""
+    state = literal_model.rest_state(parameters)
+    start = time.process_time()
+    for _ in range(steps):
+        state = literal_model.step(parameters, state, lambda side, at: rod_motion(parameters, at))
+    return (time.process_time() - start) / steps
+
+
+def rod_motion(parameters: Parameters, at: float) -> np.ndarray:
+    """Return angle, rate and acceleration (3) of the front and the rear rod (2, 3) in the straight gait, (38)."""
+    front = math.asin(parameters.rods.rear_radius / parameters.rods.front_radius * math.sin(STRAIGHT.amplitude))
+    amplitudes, pulsation = np.array([front, STRAIGHT.amplitude]), 2.0 * math.pi * STRAIGHT.frequency
+    angles = pulsation * at + np.array([STRAIGHT.phase, 0.0])
+    sine, cosine = amplitudes * np.sin(angles), amplitudes * np.cos(angles)
+    return np.stack([sine, pulsation * cosine, -pulsation**2 * sine], axis=1)

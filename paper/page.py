@@ -1,0 +1,178 @@
+"""The page docs/paper.md."""
+
+from __future__ import annotations
+
+import collections
+import textwrap
+from collections.abc import Iterable, Sequence
+
+from paper.cost import Cost
+from paper.sensitivity import Sensitivity
+from paper.slips import SLIPS
+from paper.statements import HOLDS, IN_PART, NOT, OPEN, Results, Statement, listed, statements
+
+from manta_sim_ros.dynamics import Parameters
+from manta_sim_ros.dynamics.parameters import GROUPS, Quantity, quantities
+from manta_sim_ros.paper.figure_8 import AMPLITUDE_OF_PHASES, PHASE_OF_AMPLITUDES
+from manta_sim_ros.paper.figure_9 import WINDOW
+
+HEAD = """# The paper's results, and what this simulator makes of them
+
+Qu et al., *A Rigid-Flexible Coupling Dynamic Model for Robotic Manta with Flexible Pectoral Fins*, J. Mar. Sci. Eng.
+2024, 12, 292, shows its results in Figures 7 to 11. `make paper` draws them again, measures every number on this page,
+and writes it. `ros2 run manta_sim_ros paper_figures` draws the same figures, with their data as CSV, and an animation
+of each gait into a directory of your own. Numbers in parentheses are the paper's equations.
+"""
+FIGURES = ('figure_7', 'figure_8', 'figure_9', 'figure_10', 'figure_11')
+PLOTS = (*FIGURES, 'sensitivity')
+ANIMATION = 'The straight gait, from a camera that stays and from one that follows.'
+
+
+def text(results: Results, sensitivity: Sensitivity) -> str:
+    """Return the page."""
+    said = statements(results)
+    return '\n\n'.join([
+        HEAD.strip(),
+        '## What the paper says', _counted(said), statement_table(said),
+        '## The figures', _picture('straight.gif', ANIMATION), *_figures(results),
+        '## Where the print is not followed',
+        _filled("What is computed instead, and where: names are those of modules and functions below "
+                "`manta_sim_ros.dynamics`. [model.md](model.md) says what goes beyond the paper."),
+        slip_table(),
+        '## Table 1, as used', parameter_table(printed=True),
+        '## What is assumed', *_assumed(sensitivity),
+        '## What a step costs', *_cost(results.cost),
+    ]) + '\n'
+
+
+def verdicts(results: Results) -> str:
+    """Return the verdicts as text, a statement a line."""
+    return '\n'.join(f'{said.verdict:<16}  {said.place}: {said.quote}' for said in statements(results))
+
+
+def statement_table(said: Iterable[Statement]) -> str:
+    """Return the statements as a table in Markdown."""
+    return _table(('where', 'the paper', 'here it', 'measured'), (
+        (statement.place, f'"{statement.quote}"', f'**{statement.verdict}**', statement.answer) for statement in said))
+
+
+def slip_table() -> str:
+    """Return the slips of the print as a table in Markdown."""
+    return _table(('where', 'in print', 'as implemented', 'code'), (
+        (slip.where, slip.printed, slip.implemented, slip.code and f'`{slip.code}`') for slip in SLIPS))
+
+
+def parameter_table(printed: bool) -> str:
+    """Return the parameters whose source is Table 1 as printed, or those with any other source, as a table."""
+    parameters = Parameters()
+    rows = []
+    for group in GROUPS:
+        for name, known in quantities(GROUPS[group]):
+            if is_printed(known) == printed:
+                value = getattr(getattr(parameters, group), name)
+                shown = f'({", ".join(f"{part:g}" for part in value)})' if known.kind is tuple else (
+                    f'{value:g}' if known.kind in (int, float) else str(value).lower())
+                rows.append((f'`{group}.{name}`', f'{shown} {known.unit}'.rstrip(), known.description, known.source))
+    return _table(('parameter', 'value', 'meaning', 'source'), rows)
+
+
+def is_printed(known: Quantity) -> bool:
+    """Return whether a value stands in Table 1."""
+    return known.source.startswith('Table 1')
+
+
+def _counted(said: Sequence[Statement]) -> str:
+    counts = collections.Counter(statement.verdict for statement in said)
+    return _filled(
+        f'{len(said)} statements: '
+        f'{", ".join(f"{counts[verdict]} {verdict}" for verdict in (HOLDS, IN_PART, NOT, OPEN))}. Those that compare '
+        'with experiments cannot be judged, as the text gives no values of these. Quotes are shortened at their ends, '
+        'their symbols simplified.')
+
+
+def _figures(results: Results) -> list[str]:
+    wave, thrust, straight = results.figure_7, results.figure_8, results.figure_9
+    (many, turns), (few, few_turns) = list(results.turning.by_chains.items())
+    set_1, set_2 = turns
+    usual = straight.swims[[one.amplitude for one in straight.swims].index(40.0)]
+    return [
+        '### Figure 7: waves along the chord and along the span',
+        _filled(f'Body held, gait of Figure 9 (the paper names none). The motion is periodic after '
+                f'{wave.transient} period{"s" * (wave.transient != 1)}; lags are those of the fundamental. Along the '
+                f'chord {listed(wave.chordwise_lags)}° in joints 1 to 3, along the span of the trailing chain '
+                f'{listed(wave.spanwise_lags[1, 1:])}° from joint 1 to joints 2 and 3.'),
+        _picture('figure_7.png', 'Joint angles of the leading and the trailing chain over two periods.'),
+        '### Figure 8: thrust',
+        _filled(
+            f'Body held; φ = {PHASE_OF_AMPLITUDES:.0f}° on the left, A = {AMPLITUDE_OF_PHASES:.0f}° on the right. The '
+            'mean is that of one period, after the thrust repeats to a thousandth of its swing, which takes at '
+            f'most {thrust.longest_transient} period{"s" * (thrust.longest_transient != 1)}.'),
+        _picture('figure_8.png', 'Mean thrust of both fins against amplitude and against phase.'),
+        '### Figure 9: straight ahead',
+        _filled(f'Mean and ripple are those from {WINDOW[0]:g} to {WINDOW[1]:g} s, as in the paper; the ripple is the '
+                f'largest less the smallest deviation from the average over a period. At A = 40°: {usual.mean:.3f} '
+                f'm/s, ripple {usual.ripple:.3f} m/s. At 50° the robot gets so fast that its {many} chains ripple, and '
+                f'slows down; with {few} they do not.'),
+        _picture('figure_9.png', 'Forward speed against time.'),
+        '### Figure 10: turns',
+        _filled(
+            f'Set 1: A 40/40°, φ 40/0° (left/right); set 2: A 40/20°, φ 40/40°. With the paper\'s {many} chains set 1 '
+            f'ends at {set_1.turning_rate:.1f}°/s on a radius of {set_1.turning_radius:.2f} m, set 2 at '
+            f'{set_2.turning_rate:.1f}°/s on {set_2.turning_radius:.2f} m. Both rates are set by waves of a few '
+            f'chains along the chord, which brake the yaw (see "How many chains" in [model.md](model.md)). With {few} '
+            f'chains these begin later, and the turns tighten until they do. In the first period, before there are '
+            f'any, the yaw rates agree: {listed(turn.yaw_rates[0] for turn in turns)}°/s with {many} chains, '
+            f'{listed(turn.yaw_rates[0] for turn in few_turns)}°/s with {few}.'),
+        _picture(
+            'figure_10.png', 'Trajectories of the centre of mass; the dot is the end. Left as in the paper, right with '
+            'fewer chains.'),
+        '### Figure 11: the wrench in the turns',
+        _filled('Force and moment of both fins on the body about its centre of mass, in the body frame. The last row '
+                'is the averaged M_z once more, enlarged: that of set 1 is larger at first and fades as the robot '
+                'turns, that of set 2 stays, until the fins ripple.'),
+        _picture('figure_11.png', 'Components of the wrench against time.'),
+    ]
+
+
+def _assumed(sensitivity: Sensitivity) -> list[str]:
+    return [
+        _filled(
+            'All that Table 1 does not give. The paper begins its gaits at once, and so do all results on this page '
+            '(`rods.command_time_constant` 0).'),
+        parameter_table(printed=False),
+        _filled(
+            'How much each result hangs on what is assumed, or printed without a clear meaning: change of the result '
+            'when one value is 20 % smaller or larger, the others as they are.'),
+        _picture('sensitivity.png', sensitivity.caption),
+        sensitivity.table(),
+    ]
+
+
+def _cost(cost: Cost) -> list[str]:
+    rows = [
+        ("the paper's Python, on its own machine", cost.paper),
+        ('the literal version in NumPy, 6 x 6 matrices as printed', cost.literal),
+        ('this library', cost.library),
+    ]
+    return [
+        _filled(
+            'Computing time of 0.01 s of swimming, 30 chains of 3 links a fin. The lower two on one core in the same '
+            'run, five steps of 0.002 s; the first is the paper\'s figure, one step of 0.01 s. `make bench` '
+            'compares with others.'),
+        _table(('program', 'time', 'times real time', "the paper's time over it"), (
+            (name, f'{seconds:.2g} s', f'{0.01 / seconds:.2g}', f'{cost.paper / seconds:.2g}')
+            for name, seconds in rows)),
+    ]
+
+
+def _picture(name: str, caption: str) -> str:
+    return f'![{caption}](paper/{name})'
+
+
+def _filled(prose: str) -> str:
+    return textwrap.fill(' '.join(prose.split()), 120, break_long_words=False, break_on_hyphens=False)
+
+
+def _table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    lines = [head, ['---'] * len(head), *rows]
+    return '\n'.join('| ' + ' | '.join(cell.replace('|', r'\|') for cell in line) + ' |' for line in lines)

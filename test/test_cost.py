@@ -1,0 +1,38 @@
+"""What the paper's 0.01 s cost: both programs swim the same, and times and ratios fit together."""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import literal_model
+from manta_sim_ros.dynamics import Simulator
+from manta_sim_ros.paper.gaits import STRAIGHT, robot
+
+ROOT = Path(__file__).parents[1]
+sys.path.append(str(ROOT))  # behind the installed package, which stays the one under test
+
+from paper import cost  # noqa: E402 - the page's programs live beside the package, not in it
+
+
+def test_both_programs_swim_the_same():
+    parameters = robot(fin={'chains': 6})
+    simulator = Simulator(parameters)
+    simulator.command(left=STRAIGHT, right=STRAIGHT)
+    literal = literal_model.rest_state(parameters)
+    for _ in range(5):
+        literal = literal_model.step(parameters, literal, lambda side, at: cost.rod_motion(parameters, at))
+    library = simulator.advance(cost.SPAN)
+    np.testing.assert_allclose(library.joint_angles, literal.joint_angles, rtol=1e-10)
+    np.testing.assert_allclose(library.fin_wrenches, literal.fin_wrenches, rtol=1e-10, atol=1e-10)
+
+
+def test_times_and_ratios_fit_together():
+    measured = cost.measure(quick=True)
+    assert measured.steps == 5
+    assert measured.literal > 0.0 and measured.library > 0.0
+    assert measured.paper_over_library == pytest.approx(0.18 / measured.library)
+    assert measured.paper_over_literal == pytest.approx(measured.paper_over_library / measured.literal_over_library)
+    assert measured.real_time_factors == {
+        'paper': 0.01 / 0.18, 'literal': 0.01 / measured.literal, 'library': 0.01 / measured.library}

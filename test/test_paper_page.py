@@ -1,0 +1,201 @@
+"""docs/paper.md says what is measured now: verdicts, slips, values; and a verdict changes with its results."""
+
+import dataclasses
+import importlib
+import re
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+ROOT = Path(__file__).parents[1]
+sys.path.append(str(ROOT))  # behind the installed package, which stays the one under test
+
+from paper import page  # noqa: E402 - the suite lives beside the package, not in it
+from paper.cost import Cost  # noqa: E402
+from paper.sensitivity import VALUES  # noqa: E402
+from paper.slips import SLIPS  # noqa: E402
+from paper.statements import (  # noqa: E402
+    HOLDS,
+    IN_PART,
+    NOT,
+    OPEN,
+    Results,
+    listed,
+    statements,
+    steady_periods,
+)
+
+from manta_sim_ros.dynamics.parameters import GROUPS, quantities  # noqa: E402
+from manta_sim_ros.paper.figure_7 import Figure7  # noqa: E402
+from manta_sim_ros.paper.figure_8 import Figure8  # noqa: E402
+from manta_sim_ros.paper.figure_9 import Figure9  # noqa: E402
+from manta_sim_ros.paper.turning import Turning  # noqa: E402
+
+COST = Cost(literal=2.5, library=1.4e-4, steps=5)  # s, as on a machine of 2026
+PAGE = (ROOT / 'docs' / 'paper.md').read_text(encoding='utf-8')
+
+
+@pytest.fixture(scope='module')
+def results():
+    """Return all of the page's results, with fewer gaits in Figure 8 and without a look at the clock."""
+    return Results(
+        Figure7.measure(),
+        Figure8.measure(frequencies=(0.3, 0.51, 0.6), amplitudes=(10.0, 40.0, 50.0), phases=(-30.0, 0.0, 30.0)),
+        Figure9.measure(), Turning.measure(), COST)
+
+
+def section(title):
+    return re.split(rf'^## {re.escape(title)}$', PAGE, flags=re.MULTILINE)[1].split('\n## ')[0]
+
+
+def rows(text):
+    """Return the rows of the first table of a text, without its head, each as its cells."""
+    lines = re.search(r'^\|.*?(?=^[^|]|\Z)', text, flags=re.MULTILINE | re.DOTALL)[0].splitlines()
+    return [[cell.strip().replace(r'\|', '|') for cell in re.split(r'(?<!\\)\|', line)[1:-1]] for line in lines[2:]]
+
+
+def test_the_page_has_every_statement_with_the_verdict_of_now(results):
+    written = [(place, quote, verdict) for place, quote, verdict, _ in rows(section('What the paper says'))]
+    now = [(said.place, f'"{said.quote}"', f'**{said.verdict}**') for said in statements(results)]
+    assert written == now
+    assert len(set(now)) == len(now)
+
+
+def test_the_page_counts_the_verdicts_right():
+    counted = re.search(
+        r'(\d+) statements: (\d+) holds, (\d+) holds in part, (\d+) does not hold, (\d+) cannot be judged',
+        ' '.join(section('What the paper says').split())).groups()
+    written = [verdict.strip('*') for _, _, verdict, _ in rows(section('What the paper says'))]
+    assert list(map(int, counted)) == [len(written), *map(written.count, (HOLDS, IN_PART, NOT, OPEN))]
+
+
+def verdict(results, words):
+    found = [said.verdict for said in statements(results) if words in said.quote]
+    assert len(found) == 1
+    return found[0]
+
+
+def replaced_turns(results, change):
+    turns = [change(index, turn) for index, turn in enumerate(results.turning.turns)]
+    return dataclasses.replace(results, turning=Turning(tuple(turns)))
+
+
+def mirrored(_, turn):
+    """Turn the other way: left and right change their places."""
+    record = turn.record
+    return dataclasses.replace(turn, record=dataclasses.replace(
+        record, fin_wrenches=record.fin_wrenches * [1.0, -1.0, 1.0, -1.0, 1.0, -1.0],
+        orientation=record.orientation * [-1.0, 1.0, -1.0, 1.0], position=record.position * [1.0, -1.0, 1.0]))
+
+
+def without_set_1(results):
+    by_chains = results.turning.by_chains.values()
+    return replaced_turns(results, lambda index, _: list(by_chains)[index // 2][1 - index % 2])
+
+
+def with_angles(results, change):
+    figure = results.figure_7
+    return dataclasses.replace(results, figure_7=dataclasses.replace(figure, angles=change(figure.angles)))
+
+
+def with_speeds(results, change):
+    figure = results.figure_9
+    swims = tuple(dataclasses.replace(swim, speed=change(swim)) for swim in figure.swims)
+    return dataclasses.replace(results, figure_9=dataclasses.replace(figure, swims=swims))
+
+
+@pytest.mark.parametrize(('change', 'words', 'usual', 'then'), [
+    (lambda results: with_angles(results, lambda angles: angles[:, ::-1]), '(q_1, q_2, q_3)', HOLDS, NOT),
+    (lambda results: with_angles(results, lambda angles: angles[::-1]), 'spanwise wave', IN_PART, NOT),
+    (lambda results: with_angles(results, lambda angles: np.stack(
+        [np.roll(angles[..., joint], 8 * joint, axis=0) for joint in range(3)], axis=-1)), 'spanwise wave', IN_PART,
+     HOLDS),
+    (lambda results: replaced_turns(results, mirrored), 'can both give rise to the turning gaits', HOLDS, NOT),
+    (without_set_1, 'higher rotational acceleration', HOLDS, NOT),
+    (without_set_1, 'stable driving moment', IN_PART, NOT),
+    (without_set_1, 'circular trajectories', IN_PART, NOT),
+    (lambda results: with_speeds(results, lambda swim: swim.average), 'oscillations in forward', HOLDS, NOT),
+    (lambda results: with_speeds(results, lambda swim: swim.average + (swim.speed - swim.average) / swim.ripple),
+     'oscillation amplitude', HOLDS, NOT),
+    (lambda results: with_speeds(results, lambda swim: 2.0 * swim.speed), '0.25–0.47 m/s', HOLDS, NOT),
+    (lambda results: dataclasses.replace(results, cost=dataclasses.replace(results.cost, library=0.02)), 'real-time',
+     HOLDS, NOT),
+    (lambda results: dataclasses.replace(results, cost=dataclasses.replace(results.cost, library=0.2)), '0.18 s',
+     IN_PART, NOT),
+])
+def test_a_verdict_follows_its_results(results, change, words, usual, then):
+    assert verdict(results, words) == usual
+    assert verdict(change(results), words) == then
+
+
+def test_a_body_that_is_not_heaved_has_a_minor_angle_of_attack(results):
+    figure = results.figure_9
+    calm = dataclasses.replace(figure, swims=tuple(
+        dataclasses.replace(swim, attack=0.1 * swim.attack) for swim in figure.swims))
+    assert verdict(results, 'angle of attack') == NOT
+    assert verdict(dataclasses.replace(results, figure_9=calm), 'angle of attack') == HOLDS
+
+
+def test_a_moment_is_steady_for_as_long_as_it_stays_near_that_of_the_second_period(results):
+    turn = results.turning.turns[3]
+    moments = turn.mean_wrenches[1:, 5] / turn.mean_wrenches[1, 5]
+    assert steady_periods(turn) >= 10
+    assert np.all(np.abs(moments[:steady_periods(turn)] - 1.0) <= 0.15)
+    assert abs(moments[steady_periods(turn)] - 1.0) > 0.15
+
+
+def test_numbers_are_listed_as_a_reader_says_them():
+    assert listed([1.0]) == '1.0'
+    assert listed([1.0, -2.25]) == '1.0 and -2.2'
+    assert listed([1.0, 2.0, 3.4], 0) == '1, 2 and 3'
+
+
+def test_the_page_has_every_slip_of_the_print():
+    table = rows(section('Where the print is not followed'))
+    assert table == [[slip.where, slip.printed, slip.implemented, slip.code and f'`{slip.code}`'] for slip in SLIPS]
+
+
+def equations(text):
+    """Return the numbers of equations in a text, those within '(a) to (b)' and '(a)-(b)' too."""
+    numbers = {int(number) for number in re.findall(r'\((\d+)\)', text)}
+    for first, last in re.findall(r'\((\d+)\)(?: to |-)\((\d+)\)', text):
+        numbers |= set(range(int(first), int(last) + 1))
+    return numbers
+
+
+@pytest.mark.parametrize('slip', [slip for slip in SLIPS if slip.code], ids=lambda slip: slip.where)
+def test_the_code_that_a_slip_points_to_is_that_of_the_equation(slip):
+    module, name = slip.code.split('.')
+    function = getattr(importlib.import_module(f'manta_sim_ros.dynamics.{module}'), name)
+    if slip.where.startswith('('):
+        assert equations(slip.where) & equations(function.__doc__)
+
+
+def test_the_slips_that_the_issue_of_the_paper_has_are_all_there():
+    places = ' '.join(slip.where for slip in SLIPS)
+    for place in ('(10)', '(11)', '(12)', '(21)-(24)', '(26)', '(28)', '(38)', 'Figure 9', 'Table 1', 'Section 4'):
+        assert place in places
+
+
+def test_the_tables_have_every_parameter_once_with_its_value():
+    printed, assumed = rows(section('Table 1, as used')), rows(section('What is assumed'))
+    assert printed == rows(page.parameter_table(printed=True))
+    assert assumed == rows(page.parameter_table(printed=False))
+    names = [row[0].strip('`') for row in printed + assumed]
+    assert sorted(names) == sorted(f'{group}.{name}' for group in GROUPS for name, _ in quantities(GROUPS[group]))
+    assert ['`body.inertia`', '(1.33, 1.93, 2.73) kg m^2'] == next(
+        row[:2] for row in printed if row[0] == '`body.inertia`')
+
+
+def test_the_page_has_the_sensitivity_to_every_assumed_value():
+    for value in VALUES:
+        assert f'| `{value}` |' in section('What is assumed').split('![')[1]
+
+
+def test_the_page_shows_every_picture_and_each_is_there_and_small():
+    shown = re.findall(r'!\[.+?\]\((.+?)\)', PAGE)
+    assert [Path(name).stem for name in shown if name.endswith('.png')] == list(page.PLOTS)
+    for name in shown:
+        assert 10_000 < (ROOT / 'docs' / name).stat().st_size < 3_000_000
