@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -14,6 +15,11 @@ from std_msgs.msg import Header
 from manta_sim_ros.dynamics import FinCommand, State
 
 NANOSECONDS = 1_000_000_000
+
+FARTHEST = 1e6
+"""Bound of a coordinate that the robot is put at [m]: a double still tells tenths of a nanometre there."""
+UNIT_TOLERANCE = 0.01
+"""How far the norm of an orientation may be from 1: of digits that were typed, not of a forgotten part."""
 
 COMMAND_VALUES = 'amplitude_l, amplitude_r, frequency_l, frequency_r, phase_l, phase_r'
 BIAS_VALUES = 'front_bias_l, front_bias_r, rear_bias_l, rear_bias_r'
@@ -82,6 +88,30 @@ def fin_commands(values: Sequence[float]) -> tuple[FinCommand, FinCommand]:
         except ValueError as error:
             raise ValueError(f'{name} {error}') from error
     return commands[0], commands[1]
+
+
+def pose_of(message: PoseStamped, odom_frame: str) -> tuple[list[float], list[float]]:
+    """Return position [m] and orientation (x, y, z, w) of a pose of the body in the world.
+
+    Raises
+    ------
+    ValueError
+        The pose is in another frame, a value is not finite or out of its bounds, or the orientation is no unit
+        quaternion; names it and the bound.
+
+    """
+    if message.header.frame_id != odom_frame:
+        raise ValueError(f'header.frame_id is {message.header.frame_id!r}, but must be {odom_frame!r}')
+    at, turned = message.pose.position, message.pose.orientation
+    position, orientation = [at.x, at.y, at.z], [turned.x, turned.y, turned.z, turned.w]
+    for name, value in zip(('x', 'y', 'z'), position, strict=True):
+        if not abs(value) <= FARTHEST:
+            raise ValueError(f'pose.position.{name} is {value}, but must be from {-FARTHEST:g} to {FARTHEST:g} m')
+    norm = math.hypot(*orientation)
+    if not abs(norm - 1.0) <= UNIT_TOLERANCE:
+        raise ValueError(
+            f'pose.orientation has norm {norm:g}, but must be a unit quaternion: 1 within {UNIT_TOLERANCE:g}')
+    return position, [part / norm for part in orientation]
 
 
 def _vector(values: Sequence[float]) -> Vector3:

@@ -30,6 +30,16 @@ class NodeParameters(Group):
     publish_clock: bool = quantity(
         True, '', 0, 1, "publish /clock and stamp with simulated time; else stamp with the node's own clock", 'chosen',
     )
+    start_paused: bool = quantity(
+        False, '', 0, 1, 'start with simulated time standing still, until ~/pause says otherwise', 'chosen',
+    )
+    step_duration: float = quantity(
+        0.01, 's', 1e-7, 3600.0, 'simulated time of a ~/step, a whole number of time steps', 'chosen',
+    )
+    command_timeout: float = quantity(
+        0.0, 's', 0.0, 3600.0,
+        'simulated time after the last fin_command at which the amplitudes glide to zero; 0 waits for ever', 'chosen',
+    )
     odom_frame: str = quantity('odom', '', 0, 0, 'name of the world frame', 'REP 105')
     base_frame: str = quantity('base_link', '', 0, 0, 'name of the body frame', 'REP 105')
 
@@ -48,7 +58,7 @@ LIVE = frozenset({
     'water.density', 'water.current',
     'body.drag_area', 'body.drag_coefficient', 'body.angular_damping',
     'fin.youngs_modulus', 'fin.joint_damping', 'fin.drag_coefficient',
-    'publish_rate', 'real_time_factor',
+    'publish_rate', 'real_time_factor', 'step_duration', 'command_timeout',
 })
 """What may be set while the node runs; the rest is read-only."""
 

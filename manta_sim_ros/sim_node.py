@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
 import time
 import warnings
@@ -18,11 +17,13 @@ from rosgraph_msgs.msg import Clock
 from std_msgs.msg import Float64MultiArray
 
 from manta_sim_ros import messages
-from manta_sim_ros.dynamics import DivergenceError, FinCommand, Simulator, StabilityWarning, State
+from manta_sim_ros.dynamics import StabilityWarning, State
 from manta_sim_ros.dynamics.simulator import prepare
 from manta_sim_ros.dynamics.stability import step_warning
 from manta_sim_ros.parameters_ros import Settings, declare, set_values
 from manta_sim_ros.process import run_node
+from manta_sim_ros.robot import Robot
+from manta_sim_ros.time_control import TimeControl
 
 QUEUE_DEPTH = 10
 REFUSAL_WARNING_PERIOD = 1.0
@@ -33,7 +34,6 @@ CLOCK_WARNING_PERIOD = 10.0
 STEP_WARNING_PERIOD = 10.0
 LISTENING_SHARE = 0.1  # of the time that a tick took: for commands when the next tick is due at once
 LONGEST_WAIT = 1.0  # s
-ROUNDING = 1e-6  # of the steps due, far above that of their sum and far below a step
 
 
 class SimNode(Node):
@@ -50,10 +50,9 @@ class SimNode(Node):
         super().__init__('manta_sim', automatically_declare_parameters_from_overrides=True)
         warnings.simplefilter('ignore', StabilityWarning)  # `_warn_of_step` logs it
         self._settings: Settings = declare(self)
-        self._simulator = Simulator(self._settings.model)
+        self._robot = Robot(self._settings, self._report_divergence, self.get_logger().warning)
         self._refusals = 0
         self._step_warning, self._step_warning_due = '', -math.inf
-        self._steps_due = 0.0
         self._next_tick = math.inf  # steady time [s]
 
         self._pose = self.create_publisher(PoseStamped, 'pose', QUEUE_DEPTH)
@@ -66,7 +65,9 @@ class SimNode(Node):
         self._clock_publisher = (
             self.create_publisher(Clock, '/clock', QUEUE_DEPTH) if self._settings.node.publish_clock else None
         )
-        self.create_subscription(Float64MultiArray, 'fin_command', self._take_command, QUEUE_DEPTH)
+        self._commands = self.create_subscription(Float64MultiArray, 'fin_command', self._take_command, QUEUE_DEPTH)
+        self._time = TimeControl(
+            self, self._robot, lambda: self._settings, self._publish, self._set_pace, self._forget_commands)
         self.add_on_set_parameters_callback(self._check_parameters)
         self.add_post_set_parameters_callback(self._apply_parameters)
 
@@ -84,12 +85,13 @@ class SimNode(Node):
         executor.add_node(self)
         while self.context.ok():
             now = listen_until = time.monotonic()
-            if now >= self._next_tick:
+            if now >= self._next_tick and not self._time.paused:
                 self._tick()
                 done = time.monotonic()
                 self._next_tick = max(self._next_tick + self._tick_period, done)  # what is late is dropped
                 listen_until = done + LISTENING_SHARE * (done - now)
-            executor.spin_once(timeout_sec=min(max(0.0, self._next_tick - time.monotonic()), LONGEST_WAIT))
+            wait = LONGEST_WAIT if self._time.paused else self._next_tick - time.monotonic()
+            executor.spin_once(timeout_sec=min(max(0.0, wait), LONGEST_WAIT))
             while time.monotonic() < listen_until:
                 executor.spin_once(timeout_sec=0.0)
 
@@ -102,7 +104,7 @@ class SimNode(Node):
     def _take_command(self, message: Float64MultiArray) -> None:
         try:
             left, right = messages.fin_commands(message.data)
-            self._simulator.command(left=left, right=right)
+            self._robot.command(left, right)
         except ValueError as error:
             self._refusals += 1
             self.get_logger().warning(
@@ -112,35 +114,24 @@ class SimNode(Node):
         else:
             self._warn_of_step()
 
+    def _forget_commands(self) -> None:
+        with self._commands.handle:
+            while self._commands.handle.take_message(self._commands.msg_type, self._commands.raw) is not None:
+                pass
+
     def _warn_of_step(self) -> None:
         """Warn when the gaits that are commanded, with the present parameters, ask for a smaller time step."""
-        left, right = (FinCommand(*command) for command in self._simulator.state.gait_commands)
-        warning = step_warning(self._settings.model, left, right)
+        warning = step_warning(self._settings.model, *self._robot.commands)
         if warning is not None and (warning != self._step_warning or time.monotonic() > self._step_warning_due):
             self._step_warning, self._step_warning_due = warning, time.monotonic() + STEP_WARNING_PERIOD
             self.get_logger().warning(warning)
 
-    def _tick(self) -> None:
-        self._publish(self._advance())
-        self._watch_pace()
+    def _report_divergence(self, line: str) -> None:
+        self.get_logger().error(line, throttle_duration_sec=REFUSAL_WARNING_PERIOD)
 
-    def _advance(self) -> State:
-        time_step = self._settings.model.solver.time_step
-        self._steps_due += 1.0 / (self._settings.node.publish_rate * time_step)
-        steps = max(1, math.floor(self._steps_due + ROUNDING))
-        self._steps_due = max(0.0, self._steps_due - steps)
-        try:
-            return self._simulator.advance(steps * time_step)
-        except DivergenceError as error:
-            before = self._simulator.state
-            self.get_logger().error(
-                f'{error}. The robot is put at rest where it was, its fins flat; command it anew.',
-                throttle_duration_sec=REFUSAL_WARNING_PERIOD,
-            )
-            return self._simulator.reset(dataclasses.replace(
-                State.at_rest(self._settings.model),
-                time=before.time + steps * time_step, position=before.position, orientation=before.orientation,
-            ))
+    def _tick(self) -> None:
+        self._publish(self._robot.tick())
+        self._watch_pace()
 
     def _publish(self, state: State) -> None:
         own = self._settings.node
@@ -158,14 +149,14 @@ class SimNode(Node):
             self._clock_publisher.publish(messages.clock_message(stamp))
 
     def _begin_pace_window(self) -> None:
-        self._window_began = time.monotonic(), self._simulator.state.time
+        self._window_began = time.monotonic(), self._robot.state.time
 
     def _watch_pace(self) -> None:
         """Once a window, compare simulated time with elapsed time, and look for another clock."""
         elapsed = time.monotonic() - self._window_began[0]
         if elapsed < PACE_WINDOW:
             return
-        reached = (self._simulator.state.time - self._window_began[1]) / elapsed
+        reached = (self._robot.state.time - self._window_began[1]) / elapsed
         wanted = self._settings.node.real_time_factor
         if reached < PACE_TOLERANCE * wanted:
             self.get_logger().warning(
@@ -182,15 +173,15 @@ class SimNode(Node):
 
     def _check_parameters(self, parameters: list[Parameter[Any]]) -> SetParametersResult:
         try:
-            Simulator(set_values(self._settings, parameters).model, state=self._simulator.state)
+            self._robot.check(set_values(self._settings, parameters))
         except ValueError as error:
             return SetParametersResult(successful=False, reason=str(error))
         return SetParametersResult(successful=True)
 
     def _apply_parameters(self, parameters: list[Parameter[Any]]) -> None:
         before, self._settings = self._settings, set_values(self._settings, parameters)
+        self._robot.apply(self._settings)
         if self._settings.model != before.model:
-            self._simulator = Simulator(self._settings.model, state=self._simulator.state)
             self._warn_of_step()
         if self._settings.node != before.node and self._next_tick < math.inf:
             self._set_pace()

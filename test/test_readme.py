@@ -67,6 +67,7 @@ def rendered(columns, rows):
     return '\n' + '\n'.join(f'| {" | ".join(line)} |' for line in cells) + '\n'
 
 
+SERVICE_COLUMNS = ['service', 'type', 'meaning']
 TOPIC_COLUMNS = ['topic', 'type', 'in/out', 'meaning']
 PARAMETER_COLUMNS = ['parameter', 'default', 'unit', 'bounds', 'live', 'meaning']
 
@@ -102,6 +103,15 @@ def test_the_table_of_topics_is_that_of_the_running_node(live_topics):
     assert len(written) == len(rows)
     assert written == live_topics, as_table_of_topics(live_topics, meanings)
     assert all(meanings.values())
+
+
+def test_the_table_of_services_is_that_of_the_running_node(ask, probe):
+    ask(ListParameters, 'list_parameters')
+    listed = probe.node.get_service_names_and_types_by_node('manta_sim', '/')
+    live = {name.replace('/manta_sim/', '~/'): types[0] for name, types in listed if 'std_srvs' in types[0]}
+    rows = table('Services', SERVICE_COLUMNS)
+    assert {row['service'].strip('`'): row['type'].strip('`') for row in rows} == live
+    assert len(rows) == len(live) and all(row['meaning'] for row in rows)
 
 
 def test_the_table_of_parameters_is_that_of_the_running_node(live_parameters):

@@ -25,7 +25,7 @@ NAMES = {
     'rods': 'front_radius rear_radius support_length rear_motor_position command_time_constant',
     'fin': 'chains links span thickness youngs_modulus joint_damping drag_coefficient density',
     'solver': 'time_step fixed_base coupling',
-    '': 'publish_rate real_time_factor publish_clock odom_frame base_frame',
+    '': 'publish_rate real_time_factor publish_clock start_paused step_duration command_timeout odom_frame base_frame',
 }
 ALL = {f'{group}.{name}'.lstrip('.') for group, names in NAMES.items() for name in names.split()}
 OF_ANY_NODE = {'use_sim_time', 'start_type_description_service'}

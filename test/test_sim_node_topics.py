@@ -56,7 +56,8 @@ def test_each_topic_has_its_type_and_there_are_no_others(heard, probe):
     expected = {f'/{topic}': kind for topic, kind in OUTPUTS.items()} | {'/clock': Clock}
     assert published == {
         topic: f'{kind.__module__.split(".")[0]}/msg/{kind.__name__}' for topic, kind in expected.items()}
-    assert taken == {'/fin_command': 'std_msgs/msg/Float64MultiArray'}
+    assert taken == {
+        '/fin_command': 'std_msgs/msg/Float64MultiArray', '/set_pose': 'geometry_msgs/msg/PoseStamped'}
 
 
 def test_each_topic_is_reliable(heard, probe):

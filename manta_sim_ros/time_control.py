@@ -1,0 +1,94 @@
+"""Pause, step, reset, and a new pose: the services and the topic by which others hold the robot and its time."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from geometry_msgs.msg import PoseStamped
+from rclpy.node import Node
+from std_srvs.srv import SetBool, Trigger
+
+from manta_sim_ros import messages
+from manta_sim_ros.dynamics import State
+from manta_sim_ros.parameters_ros import Settings
+from manta_sim_ros.robot import Robot
+
+QUEUE_DEPTH = 10
+REFUSAL_WARNING_PERIOD = 1.0
+
+
+class TimeControl:
+    """The services `~/pause`, `~/step` and `~/reset`, and the topic `set_pose`.
+
+    Parameters
+    ----------
+    node
+        Whose services they are.
+    robot
+        What they act upon.
+    settings
+        Gives the node's present parameters.
+    publish
+        Publishes the outputs of a state.
+    resume
+        Called when time begins to run again.
+    forget_commands
+        Throws away the commands that have come but are not yet taken.
+
+    """
+
+    def __init__(
+        self, node: Node, robot: Robot, settings: Callable[[], Settings], publish: Callable[[State], None],
+        resume: Callable[[], None], forget_commands: Callable[[], None],
+    ) -> None:
+        self._node, self._robot, self._settings = node, robot, settings
+        self._publish, self._resume, self._forget_commands = publish, resume, forget_commands
+        self.paused = settings().node.start_paused
+        """Whether simulated time stands still, but for steps."""
+        node.create_service(SetBool, '~/pause', self._pause)
+        node.create_service(Trigger, '~/step', self._step)
+        node.create_service(Trigger, '~/reset', self._reset)
+        node.create_subscription(PoseStamped, 'set_pose', self._set_pose, QUEUE_DEPTH)
+
+    def _pause(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
+        before, self.paused = self.paused, request.data
+        if before and not self.paused:
+            self._resume()
+        response.success, response.message = True, f'{"paused" if self.paused else "running"} at {self._now}'
+        return response
+
+    def _step(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        if not self.paused:
+            response.message = 'not paused: simulated time is running; call the service pause with data true first'
+            return response
+        try:
+            states = self._robot.ticks(self._settings().node.step_duration)
+        except ValueError as error:
+            response.message = str(error)
+            return response
+        for state in states:
+            self._publish(state)
+        response.success, response.message = True, f'stepped to {self._now}'
+        return response
+
+    def _reset(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        self._forget_commands()
+        self._put(self._robot.put())
+        response.success, response.message = True, f'at rest at the origin, at {self._now}'
+        return response
+
+    def _set_pose(self, message: PoseStamped) -> None:
+        try:
+            self._put(self._robot.put(*messages.pose_of(message, self._settings().node.odom_frame)))
+        except ValueError as error:
+            self._node.get_logger().warning(
+                f'set_pose refused, the robot stays where it is: {error}',
+                throttle_duration_sec=REFUSAL_WARNING_PERIOD)
+
+    def _put(self, state: State) -> None:
+        if self.paused:  # nobody would see it until the next step
+            self._publish(state)
+
+    @property
+    def _now(self) -> str:
+        return f'{self._robot.state.time:.9g} s of simulated time'

@@ -1,0 +1,293 @@
+"""Pause, step, reset and a new pose: others hold the robot's time, exactly; in lockstep it is the library's twin."""
+
+import math
+import re
+import signal
+
+import pytest
+from geometry_msgs.msg import PoseStamped, WrenchStamped
+from nav_msgs.msg import Odometry
+from rcl_interfaces.srv import SetParameters
+from rclpy.parameter import Parameter
+from rosgraph_msgs.msg import Clock
+from std_msgs.msg import Float64MultiArray
+from std_srvs.srv import SetBool, Trigger
+
+from manta_sim_ros.dynamics import FinCommand, Parameters, Simulator
+
+SWIM = [0.7, 0.7, 0.6, 0.6, 0.7, 0.7]
+TURN = [0.5, 0.2, 0.8, 0.8, 0.6, -0.3]
+TICK = 10_000_000  # ns
+HALF = math.sqrt(0.5)
+
+
+class Held:
+    """A robot in a namespace of its own whose time this process holds."""
+
+    def __init__(self, launch, probe, name, ros_arguments=''):
+        self.probe, self.name = probe, name
+        self.node = launch('sim_node', f'{ros_arguments} -r __ns:=/{name} -r /clock:=/{name}/clock')
+        self.odometry = probe.record(Odometry, f'/{name}/odom')
+        self.wrench = probe.record(WrenchStamped, f'/{name}/fin_wrench')
+        self.clock = probe.record(Clock, f'/{name}/clock')
+        self.commands = probe.node.create_publisher(Float64MultiArray, f'/{name}/fin_command', 10)
+        self.poses = probe.node.create_publisher(PoseStamped, f'/{name}/set_pose', 10)
+        probe.until(lambda: self.commands.get_subscription_count() and self.poses.get_subscription_count(), name)
+
+        own = f'/{name}/manta_sim'
+        self._clients = {
+            what: probe.node.create_client(kind, f'{own}/{what}') for what, kind in (
+                ('pause', SetBool), ('step', Trigger), ('reset', Trigger), ('set_parameters', SetParameters))}
+        for what in ('pause', 'step', 'reset', 'set_parameters'):
+            self._meet(what, data='start_paused' in ros_arguments)
+
+    def _meet(self, what, data):
+        """Call a service until it answers: middleware may lose the answer to a client that is new to the robot."""
+        client = self._clients[what]
+        self.probe.until(client.service_is_ready, what)
+        request = SetBool.Request(data=data) if what == 'pause' else client.srv_type.Request()
+        asked = []
+        self.probe.until(
+            lambda: any(future.done() for future in asked), f'the service {what}',
+            doing=lambda: asked.append(client.call_async(request)), every=2.0)
+
+    def ask(self, what, **request):
+        client = self._clients[what]
+        return client.call_async(client.srv_type.Request(**request))
+
+    def call(self, what, **request):
+        future = self.ask(what, **request)
+        self.probe.until(future.done, f'answer of {what}')
+        return future.result()
+
+    def pause(self, data=True):
+        return self.call('pause', data=data)
+
+    def trigger(self, what):
+        return self.call(what)
+
+    def set_parameter(self, name, value):
+        (result,) = self.call('set_parameters', parameters=[
+            Parameter(name, value=value).to_parameter_msg()]).results
+        return result
+
+    def step(self):
+        """Step, and wait until the clock of its end was heard and all that came before it."""
+        before = len(self.clock)
+        answer = self.trigger('step')
+        assert answer.success, answer.message
+        end = round(float(re.search(r'stepped to (\S+) s', answer.message)[1]) * 1e9)
+        self.probe.until(lambda: len(self.clock) > before and self.clock.stamps[-1] == end, f'the clock at {end}')
+        self.probe.until(lambda: self.odometry.stamps[-1:] == [end] == self.wrench.stamps[-1:], 'the outputs')
+        return end
+
+    def command(self, values):
+        """Command it, and wait until it was taken: a refused one behind it is warned of."""
+        refusals = self.node.output.count('refused so far')
+        self.commands.publish(Float64MultiArray(data=values))
+        self.probe.until(
+            lambda: self.node.output.count('refused so far') > refusals, 'the command',
+            doing=lambda: self.commands.publish(Float64MultiArray(data=[])), every=0.3)
+
+
+@pytest.fixture(scope='module')
+def paused_robot(module_launch, probe):
+    robot = Held(module_launch, probe, 'held', '-p start_paused:=true')
+    robot.trigger('step')
+    probe.until(lambda: robot.odometry and robot.wrench and robot.clock, 'outputs')
+    return robot
+
+
+@pytest.fixture
+def held(paused_robot):
+    """The paused robot at rest at the origin, as it was at its start but for the time."""
+    for name, value in (('step_duration', 0.01), ('command_timeout', 0.0)):
+        assert paused_robot.set_parameter(name, value).successful
+    assert paused_robot.trigger('reset').success
+    paused_robot.step()
+    return paused_robot
+
+
+def numbers(odometry, wrench):
+    """Return what is heard of the robot's motion, bit for bit."""
+    twist, force, torque = odometry.twist.twist, wrench.wrench.force, wrench.wrench.torque
+    return [part for vector in (twist.linear, twist.angular, force, torque) for part in (vector.x, vector.y, vector.z)]
+
+
+def library_numbers(state):
+    return [*state.twist.tolist(), *state.wrench.tolist()]
+
+
+def test_paused_it_stands_still_and_goes_on_from_there(launch, probe):
+    robot = Held(launch, probe, 'paused')
+    probe.until(lambda: len(robot.clock) > 20, 'the clock')
+    answer = robot.pause()
+    assert answer.success and re.fullmatch(r'paused at \S+ s of simulated time', answer.message)
+    probe.listen(0.5)  # what was under way
+    heard = len(robot.clock)
+    probe.listen(1.0)
+    assert len(robot.clock) == heard
+    stopped = robot.clock.stamps[-1]
+    assert float(answer.message.split()[2]) == pytest.approx(stopped * 1e-9)
+    assert robot.pause().success  # once more is as good as once
+    assert robot.pause(False).success
+    probe.until(lambda: len(robot.clock) > heard + 20, 'the clock')
+    after = robot.clock.stamps[heard - 1:]
+    assert {later - earlier for earlier, later in zip(after, after[1:])} == {TICK}  # nothing was made up for
+    assert robot.clock.rising and robot.odometry.rising
+
+
+def test_a_step_is_refused_while_time_runs(launch, probe):
+    robot = Held(launch, probe, 'runs')
+    answer = robot.trigger('step')
+    assert not answer.success
+    assert answer.message.startswith('not paused: simulated time is running')
+
+
+@pytest.mark.parametrize(('duration', 'ticks'), [(0.01, [10]), (0.002, [2]), (0.054, [10, 20, 30, 40, 50, 54])])
+def test_a_step_takes_exactly_its_duration_with_all_outputs_of_it(held, duration, ticks):
+    assert held.set_parameter('step_duration', duration).successful
+    for _ in range(3):
+        began, heard = held.clock.stamps[-1], len(held.clock)
+        assert held.step() == began + round(duration * 1e9)
+        assert [stamp - began for stamp in held.clock.stamps[heard:]] == [tick * 1_000_000 for tick in ticks]
+        assert held.odometry.stamps[-len(ticks):] == held.clock.stamps[heard:] == held.wrench.stamps[-len(ticks):]
+
+
+def test_a_step_of_no_whole_number_of_time_steps_is_refused(held):
+    assert held.set_parameter('step_duration', 0.005).successful
+    answer = held.trigger('step')
+    assert not answer.success
+    assert answer.message == ('step_duration is 0.005 s, but must be a whole number of time steps, and '
+                              'solver.time_step is 0.002 s')
+    refused = held.set_parameter('step_duration', -1.0)
+    assert not refused.successful and 'step_duration' in refused.reason
+
+
+def test_in_lockstep_it_is_the_library_bit_for_bit(held):
+    assert held.set_parameter('step_duration', 0.05).successful
+    runs = []
+    for _ in range(2):
+        assert held.trigger('reset').success
+        twin, run = Simulator(Parameters()), []
+        for values in (SWIM, None, TURN, None, None):
+            if values is not None:
+                held.command(values)
+                twin.command(left=FinCommand(*values[::2]), right=FinCommand(*values[1::2]))
+            held.step()
+            run.append(numbers(held.odometry[-1], held.wrench[-1]))
+            assert run[-1] == library_numbers(twin.advance(0.05))
+            position = held.odometry[-1].pose.pose.position
+            assert [position.x, position.y, position.z] == twin.state.position.tolist()
+        assert any(run[-1])
+        runs.append(run)
+    assert runs[0] == runs[1]
+
+
+def test_a_reset_goes_back_to_the_start_and_the_clock_goes_on(held):
+    assert held.set_parameter('step_duration', 1.0).successful
+    held.command(SWIM)
+    now = held.step()
+    assert held.odometry[-1].pose.pose.position.x > 0.01
+    heard = len(held.odometry)
+    answer = held.trigger('reset')
+    assert answer.success and answer.message.startswith('at rest at the origin')
+    held.probe.until(lambda: len(held.odometry) > heard, 'the state after the reset')
+    assert held.odometry.stamps[-1] == now
+    for _ in range(2):
+        pose, twist = held.odometry[-1].pose.pose, held.odometry[-1].twist.twist
+        assert (pose.position.x, pose.position.y, pose.position.z, pose.orientation.w) == (0.0, 0.0, 0.0, 1.0)
+        assert (twist.linear.x, twist.linear.z) == (0.0, 0.0)
+        now = held.step()  # nobody commands it any more
+    assert now >= held.clock.stamps[0] + 3_000_000_000
+
+
+def test_commands_that_were_sent_before_a_reset_are_dropped(held):
+    held.command(TURN)  # so that what comes is heard
+    assert held.set_parameter('step_duration', 30.0).successful  # busy for a while: what is sent now waits
+    stepping = held.ask('step')
+    heard = len(held.clock)
+    held.probe.until(lambda: len(held.clock) > heard, 'the long step')
+    for _ in range(8):
+        held.commands.publish(Float64MultiArray(data=SWIM))
+    assert held.trigger('reset').success
+    held.probe.until(stepping.done, 'the long step')
+    assert held.set_parameter('step_duration', 0.1).successful
+    held.probe.listen(0.3)
+    held.step()
+    assert not any(numbers(held.odometry[-1], held.wrench[-1]))
+
+
+def pose_message(frame='odom', position=(1.0, -2.0, -3.0), orientation=(0.0, 0.0, HALF, HALF)):
+    message = PoseStamped()
+    message.header.frame_id = frame
+    at, turned = message.pose.position, message.pose.orientation
+    at.x, at.y, at.z = position
+    turned.x, turned.y, turned.z, turned.w = orientation
+    return message
+
+
+def test_a_pose_that_is_set_is_where_it_rests_and_swims_on_from(held):
+    held.command(SWIM)
+    held.step()
+    held.poses.publish(pose_message(orientation=(0.0, 0.0, 0.707, 0.707)))  # as somebody types it
+    held.probe.until(lambda: held.odometry[-1].pose.pose.position.z == -3.0, 'the new pose')
+    held.step()
+    pose = held.odometry[-1].pose.pose
+    assert (pose.position.x, pose.position.y, pose.position.z) == (1.0, -2.0, -3.0)
+    assert pose.orientation.z == pytest.approx(math.sqrt(0.5), abs=1e-12)
+    assert not any(numbers(held.odometry[-1], held.wrench[-1]))  # at rest, and not commanded
+    held.command(SWIM)
+    assert held.set_parameter('step_duration', 2.0).successful
+    held.step()
+    position = held.odometry[-1].pose.pose.position
+    assert position.y > -1.9 and position.x == pytest.approx(1.0, abs=1e-9)  # forward is to the world's left now
+
+
+REFUSED = {
+    'another frame': (pose_message(frame='map'), "header.frame_id is 'map', but must be 'odom'"),
+    'no frame': (pose_message(frame=''), "header.frame_id is '', but must be 'odom'"),
+    'nan': (pose_message(position=(0.0, math.nan, 0.0)), 'pose.position.y is nan, but must be from'),
+    'too far': (pose_message(position=(0.0, 0.0, -1e7)), 'pose.position.z is -10000000.0, but must be from'),
+    'no quaternion': (pose_message(orientation=(0.0, 0.0, 0.0, 0.0)), 'pose.orientation has norm 0, but must be'),
+    'nan in the quaternion': (pose_message(orientation=(0.0, 0.0, 0.0, math.nan)), 'pose.orientation has norm nan'),
+}
+
+
+@pytest.mark.parametrize(('message', 'words'), REFUSED.values(), ids=REFUSED)
+def test_a_bad_pose_is_refused_and_the_robot_stays(held, message, words):
+    before = numbers(held.odometry[-1], held.wrench[-1])
+    held.probe.until(
+        lambda: f'set_pose refused, the robot stays where it is: {words}' in held.node.output, words,
+        doing=lambda: held.poses.publish(message), every=0.3)
+    held.step()
+    assert numbers(held.odometry[-1], held.wrench[-1]) == before
+    assert held.odometry[-1].pose.pose.position.x == 0.0
+
+
+def test_without_commands_for_too_long_the_fins_glide_to_rest_until_the_next(held):
+    assert held.set_parameter('command_timeout', 1.0).successful
+    assert held.set_parameter('step_duration', 0.5).successful
+    held.command(SWIM)
+
+    def largest_force():
+        heard = len(held.wrench)
+        held.step()
+        return max(abs(message.wrench.force.z) for message in held.wrench[heard:])
+
+    warning = 'no fin_command for 1 s of simulated time: the fins glide to rest'
+    swimming = [largest_force() for _ in range(2)]
+    assert warning not in held.node.output
+    gliding = [largest_force() for _ in range(8)]
+    assert held.node.output.count(warning) == 1
+    assert max(swimming) > 5.0 and gliding[-1] < 0.05 * max(swimming)
+    held.command(SWIM)
+    assert max(largest_force() for _ in range(2)) > 5.0
+
+
+@pytest.mark.parametrize('ending', [signal.SIGINT, signal.SIGTERM])
+def test_paused_it_ends_with_status_zero(launch, probe, ending):
+    node = launch('sim_node', '-p start_paused:=true -r __ns:=/ended -r /clock:=/ended/clock')
+    probe.until(lambda: ('manta_sim', '/ended') in probe.node.get_node_names_and_namespaces(), 'the node')
+    node.send(ending)
+    assert node.exit_status() == 0
