@@ -34,7 +34,7 @@ def text(results: Results, sensitivity: Sensitivity) -> str:
     return '\n\n'.join([
         HEAD.strip(),
         '## What the paper says', _counted(said), statement_table(said),
-        '## The figures', _picture('straight.gif', ANIMATION), *_figures(results),
+        '## The figures', _picture('straight.gif', ANIMATION), *figure_blocks(results),
         '## Where the print is not followed',
         _filled("What is computed instead, and where: names are those of modules and functions below "
                 "`manta_sim_ros.dynamics`. [model.md](model.md) says what goes beyond the paper."),
@@ -90,7 +90,8 @@ def _counted(said: Sequence[Statement]) -> str:
         'their symbols simplified.')
 
 
-def _figures(results: Results) -> list[str]:
+def figure_blocks(results: Results) -> list[str]:
+    """Return heading, prose and picture of each figure."""
     wave, thrust, straight = results.figure_7, results.figure_8, results.figure_9
     (many, turns), (few, few_turns) = list(results.turning.by_chains.items())
     set_1, set_2 = turns
@@ -111,17 +112,18 @@ def _figures(results: Results) -> list[str]:
         '### Figure 9: straight ahead',
         _filled(f'Mean and ripple are those from {WINDOW[0]:g} to {WINDOW[1]:g} s, as in the paper; the ripple is the '
                 f'largest less the smallest deviation from the average over a period. At A = 40°: {usual.mean:.3f} '
-                f'm/s, ripple {usual.ripple:.3f} m/s. At 50° the robot gets so fast that its {many} chains ripple, and '
-                f'slows down; with {few} they do not.'),
+                f'm/s, ripple {usual.ripple:.3f} m/s. At 50° the robot is so fast that with {many} chains waves run '
+                f'along the chord of its fins, which slow it down; with {few} chains there are none (see "How many '
+                f'chains" in [model.md](model.md)).'),
         _picture('figure_9.png', 'Forward speed against time.'),
         '### Figure 10: turns',
         _filled(
             f'Set 1: A 40/40°, φ 40/0° (left/right); set 2: A 40/20°, φ 40/40°. With the paper\'s {many} chains set 1 '
             f'ends at {set_1.turning_rate:.1f}°/s on a radius of {set_1.turning_radius:.2f} m, set 2 at '
-            f'{set_2.turning_rate:.1f}°/s on {set_2.turning_radius:.2f} m. Both rates are set by waves of a few '
-            f'chains along the chord, which brake the yaw (see "How many chains" in [model.md](model.md)). With {few} '
-            f'chains these begin later, and the turns tighten until they do. In the first period, before there are '
-            f'any, the yaw rates agree: {listed(turn.yaw_rates[0] for turn in turns)}°/s with {many} chains, '
+            f'{set_2.turning_rate:.1f}°/s on {set_2.turning_radius:.2f} m. Both rates are set by the waves along the '
+            f'chord, which brake the yaw. With {few} chains these begin later, and the turns tighten until they do. In '
+            'the first period, before there are any, the yaw rates agree: '
+            f'{listed(turn.yaw_rates[0] for turn in turns)}°/s with {many} chains, '
             f'{listed(turn.yaw_rates[0] for turn in few_turns)}°/s with {few}.'),
         _picture(
             'figure_10.png', 'Trajectories of the centre of mass; the dot is the end. Left as in the paper, right with '
@@ -129,7 +131,7 @@ def _figures(results: Results) -> list[str]:
         '### Figure 11: the wrench in the turns',
         _filled('Force and moment of both fins on the body about its centre of mass, in the body frame. The last row '
                 'is the averaged M_z once more, enlarged: that of set 1 is larger at first and fades as the robot '
-                'turns, that of set 2 stays, until the fins ripple.'),
+                'turns, that of set 2 stays, until waves run along the chord.'),
         _picture('figure_11.png', 'Components of the wrench against time.'),
     ]
 
@@ -148,20 +150,25 @@ def _assumed(sensitivity: Sensitivity) -> list[str]:
     ]
 
 
-def _cost(cost: Cost) -> list[str]:
+def cost_table(cost: Cost) -> str:
+    """Return what the paper's program, the literal version and the library cost as a table in Markdown."""
     rows = [
-        ("the paper's Python, on its own machine", cost.paper),
-        ('the literal version in NumPy, 6 x 6 matrices as printed', cost.literal),
-        ('this library', cost.library),
+        ("the paper's Python, on its own machine", cost.paper, 1),
+        ('the literal version in NumPy, 6 x 6 matrices as printed', cost.literal, cost.steps),
+        ('this library', cost.library, cost.steps),
     ]
+    return _table(('program', 'time', 'a step', 'times real time', "the paper's time over it"), (
+        (name, f'{seconds:.2g} s', f'{seconds / steps:.2g} s', f'{0.01 / seconds:.2g}', f'{cost.paper / seconds:.2g}')
+        for name, seconds, steps in rows))
+
+
+def _cost(cost: Cost) -> list[str]:
     return [
         _filled(
             'Computing time of 0.01 s of swimming, 30 chains of 3 links a fin. The lower two on one core in the same '
-            'run, five steps of 0.002 s; the first is the paper\'s figure, one step of 0.01 s. `make bench` '
-            'compares with others.'),
-        _table(('program', 'time', 'times real time', "the paper's time over it"), (
-            (name, f'{seconds:.2g} s', f'{0.01 / seconds:.2g}', f'{cost.paper / seconds:.2g}')
-            for name, seconds in rows)),
+            'run, five steps of 0.002 s; the first is the paper\'s figure, one step of 0.01 s. `make bench` compares '
+            'with others.'),
+        cost_table(cost),
     ]
 
 

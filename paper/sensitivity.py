@@ -2,7 +2,7 @@
 
 One value at a time, the others at their defaults, all with the default time step. It is below the largest stable step
 of every variant: a StabilityWarning would end the measurement. Everything is measured twice, with the paper's number of
-chains a fin and with few, which ripple less along the chord: what differs between the two is an effect of the grid.
+chains a fin and with few, along whose chord waves run later: what differs between the two is an effect of the grid.
 `record.flap` shortens a time step to divide the time between two samples, so `solver.time_step` changes by about 20 %.
 """
 
@@ -56,8 +56,6 @@ AMPLITUDE = 40.0
 """[degrees], held and straight ahead."""
 SECOND = 1
 """Index of the second flapping period, where the number of chains hardly matters in set 2."""
-SAMPLES = 20
-"""Samples a period of the turns, of which the heading at the end of each is used."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -147,7 +145,7 @@ def run(case: Case) -> tuple[float, ...]:
 
 def yaw_rates(parameters: Parameters, name: str, periods: int) -> tuple[float, float]:
     """Return the yaw rate of a turn in its second period and over its last quarter [degrees/s]."""
-    turn = Turn(name, record(parameters, *TURNS[name], periods, SAMPLES))
+    turn = Turn(name, record(parameters, *TURNS[name], periods))
     return float(turn.yaw_rates[SECOND]), turn.turning_rate
 
 
@@ -243,9 +241,9 @@ class Sensitivity:
             f'chains a fin (bars, numbers) and with {FEW_CHAINS} (rings); the scales differ. Thrust and speed, mean '
             f'from {WINDOW[0]:g} to {WINDOW[1]:g} s: A = {AMPLITUDE:g}°, f = {FREQUENCY:g} Hz, φ = {PHASE:g}°. Turns: '
             f'f = {TURN_FREQUENCY:g} Hz; the turning rate is the mean of the last quarter of {self.periods} periods, '
-            f'+ is a faster turn to the same side. The turning rate is set by the grid, as fins of many chains ripple '
-            f'along the chord: in set 2 it is {rate:.1f}°/s with {self.chains} chains and {few_rate:.1f}°/s with '
-            f'{FEW_CHAINS}. In the second period it is {second:.1f}°/s and {few_second:.1f}°/s.'
+            f'+ is a faster turn to the same side, below -100 % one to the other side. The turning rate is set by the '
+            f'grid, as waves run along the chord: in set 2 it is {rate:.1f}°/s with {self.chains} chains and '
+            f'{few_rate:.1f}°/s with {FEW_CHAINS}. In the second period it is {second:.1f}°/s and {few_second:.1f}°/s.'
         )
 
     def draw(self, figure: Figure) -> None:

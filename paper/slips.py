@@ -40,6 +40,10 @@ SLIPS = (
          'beta*_j = beta_j - f_ext,j + Ad^T (beta*_j+1 + M*_j+1 zeta_j+1): Ad^T wherever a wrench is moved; the '
          'joint\'s axis A_i', 'fin.reflected_inertia'),
     Slip('(26)', 'the first case prints M*_m twice', 'M*_m = M_m, beta*_m = beta_m - f_ext,m', 'fin.reflected_inertia'),
+    Slip('(26)', 'the second case has M_m-1 for the inertia of link j', 'M*_j = M_j + Ad^T M*_j+1 Ad',
+         'fin.reflected_inertia'),
+    Slip('(27)', 'the last sum has q-dot for q-ddot', 'eta_j-dot = Ad eta_0-dot + sum Ad zeta_i + sum Ad A_i q_i-ddot',
+         'fin.joint_accelerations'),
     Slip('(28)', 'the last term is fi*_j', 'beta*_j', 'fin.joint_accelerations'),
     Slip('(29)', 'M q-ddot = Q is formed and solved, m x m',
          'q-ddot is eliminated link by link from the tip: the same equations, at a cost linear in m',

@@ -50,7 +50,7 @@ def test_every_curve_must_repeat():
 
 @pytest.mark.parametrize(('means', 'begin'), [
     ([1.0] * 8, 0), ([0.0, 0.5, 0.99, 1.0, 1.0, 1.0, 1.0, 1.0], 2), ([0.0, 1.0, 1.0, 1.2, 1.0, 1.0, 1.0, 1.0], 4),
-    ([-0.5, -1.0, -1.0, -1.0], 1), ([1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0], None),
+    ([-0.5, -1.0, -1.0, -1.0], 1), ([1.0] * 6 + [2.0, 1.0], None), ([1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0], None),
 ])
 def test_settled_is_from_when_on_nothing_leaves_the_band(means, begin):
     assert settled(np.array(means), 0.05) == begin

@@ -46,9 +46,9 @@ class Animation:
 
 
 ANIMATIONS = {
-    'straight': Animation('Straight', STRAIGHT, STRAIGHT, 16, -55.0, 0.96),
+    'straight': Animation('Straight', STRAIGHT, STRAIGHT, 16, -55.0, 0.9),
     'turn_set_1': Animation('Turn, set 1 (left / right)', *TURNS['set 1'], 12, -52.0, 0.85),
-    'turn_set_2': Animation('Turn, set 2 (left / right)', *TURNS['set 2'], 12, -52.0, 0.9),
+    'turn_set_2': Animation('Turn, set 2 (left / right)', *TURNS['set 2'], 12, -52.0, 0.85),
 }
 """By file stem. All have 9.6 frames a second."""
 

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import argparse
+import errno
 import functools
 import os
 import signal
 import sys
+import tempfile
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from concurrent.futures import BrokenExecutor
 from pathlib import Path
 from types import FrameType
-from typing import Any
+from typing import Any, NamedTuple
 
 from manta_sim_ros.dynamics.simulator import prepare
 from manta_sim_ros.paper import figure_8, figure_9
@@ -21,9 +24,9 @@ from manta_sim_ros.paper.figure_8 import Figure8
 from manta_sim_ros.paper.figure_9 import Figure9
 from manta_sim_ros.paper.figure_10 import Figure10
 from manta_sim_ros.paper.figure_11 import Figure11
-from manta_sim_ros.paper.files import whole, write_csv
+from manta_sim_ros.paper.files import clear_abandoned, whole, write_csv
 from manta_sim_ros.paper.gaits import TURNS, robot
-from manta_sim_ros.paper.jobs import Done, Job, run_jobs
+from manta_sim_ros.paper.jobs import Done, Job, run_jobs, say
 from manta_sim_ros.paper.style import save_png
 from manta_sim_ros.paper.turning import Turning
 
@@ -51,16 +54,28 @@ def _turns(done: Done) -> dict[str, Any]:
     return {'figure_10': Figure10(turning), 'figure_11': Figure11(turning)}
 
 
-_MEASUREMENTS = (  # what it gives, of how many parts, how; those that take longest first, or a core is idle at the end
-    (('figure_8',), len(figure_8.FREQUENCIES) * (len(figure_8.AMPLITUDES) + len(figure_8.PHASES)), _figure_8),
-    (('figure_10', 'figure_11'), 2 * len(TURNS), _turns),
-    (('figure_9',), len(figure_9.AMPLITUDES), _figure_9),
-    (('figure_7',), 1, _figure_7),
+class Measurement(NamedTuple):
+    """Something that is measured at a time."""
+
+    names: tuple[str, ...]
+    """The figures that it gives."""
+    parts: int
+    measure: Callable[[Done], dict[str, Any]]
+
+
+_MEASUREMENTS = (  # those that take longest first, or a core is idle at the end
+    Measurement(
+        ('figure_8',), len(figure_8.FREQUENCIES) * (len(figure_8.AMPLITUDES) + len(figure_8.PHASES)), _figure_8),
+    Measurement(('figure_10', 'figure_11'), 2 * len(TURNS), _turns),
+    Measurement(('figure_9',), len(figure_9.AMPLITUDES), _figure_9),
+    Measurement(('figure_7',), 1, _figure_7),
 )
 
 
-def _write_figures(measurement: int, wanted: Sequence[str], directory: Path, done: Done) -> dict[str, Any]:
-    figures = _MEASUREMENTS[measurement][2](done)
+def _write_figures(
+    measure: Callable[[Done], dict[str, Any]], wanted: Sequence[str], directory: Path, done: Done,
+) -> dict[str, Any]:
+    figures = measure(done)
     for name in wanted:
         with whole(directory / f'{name}.csv') as path:
             write_csv(figures[name].columns(), path)
@@ -92,11 +107,11 @@ def figure_jobs(directory: Path, wanted: Sequence[str] = NAMES) -> list[Job]:
         raise ValueError(f'{unknown[0]!r} is no figure or animation; there are {", ".join(NAMES)}')
     jobs = [Job(f'{name}.gif', FRAMES, functools.partial(_write_animation, name, directory))
             for name in ANIMATIONS if name in wanted]
-    for index, (names, parts, _) in enumerate(_MEASUREMENTS):
+    for names, parts, measure in _MEASUREMENTS:
         asked = [name for name in names if name in wanted]
         if asked:
             files = ', '.join(f'{name}.png, {name}.csv' for name in asked)
-            jobs.append(Job(files, parts, functools.partial(_write_figures, index, asked, directory)))
+            jobs.append(Job(files, parts, functools.partial(_write_figures, measure, asked, directory)))
     return jobs
 
 
@@ -106,34 +121,40 @@ def made_directory(path: Path) -> Path:
     Raises
     ------
     OSError
-        It cannot be made, or not be written to.
+        It cannot be made, or not be written to; names it.
 
     """
-    path.mkdir(parents=True, exist_ok=True)
-    if not os.access(path, os.W_OK | os.X_OK):
-        raise PermissionError(f'[Errno 13] Permission denied: {str(path)!r}')
-    return path
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+    except FileExistsError:
+        raise NotADirectoryError(errno.ENOTDIR, os.strerror(errno.ENOTDIR), str(path)) from None
+    with tempfile.TemporaryFile(dir=path):  # fails where nothing can be written, whoever runs this
+        return path
 
 
 def main(args: Sequence[str] | None = None) -> None:
     """Run the command; exit with status 0, 1 when something fails, 2 for wrong arguments, 130 after Ctrl-C."""
-    options = _parser().parse_args(args)
-    signal.signal(signal.SIGINT, signal.default_int_handler)
-    signal.signal(signal.SIGTERM, _interrupt)
+    options = _parser().parse_intermixed_args(args)
+    for ending in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        signal.signal(ending, _interrupt)
     os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')  # of the processes that are started: one thread each
     start = time.monotonic()
     try:
         directory = made_directory(options.output)
+        clear_abandoned(directory)
         prepare(robot(), lambda line: print(line, file=sys.stderr))
         jobs = figure_jobs(directory, options.names or NAMES)
         run_jobs(jobs, options.processes)
     except KeyboardInterrupt:
         print('paper_figures: interrupted; files that were finished stay', file=sys.stderr)
         sys.exit(130)
+    except BrokenExecutor:
+        clear_abandoned(directory)
+        sys.exit('paper_figures: one of its processes was killed (out of memory?); files that were finished stay')
     except OSError as error:
         sys.exit(f'paper_figures: {error}')
     count = sum(job.name.count(',') + 1 for job in jobs)
-    print(f'{count} files in {directory}, {time.monotonic() - start:.0f} s')
+    say(f'{count} files in {directory}, {time.monotonic() - start:.0f} s')
 
 
 def _interrupt(signum: int, frame: FrameType | None) -> None:
@@ -147,7 +168,8 @@ def _parser() -> argparse.ArgumentParser:
                     'Figures 7 to 11 as PNG with their data as CSV, and an animation of each gait as GIF.')
     parser.add_argument('names', nargs='*', metavar='NAME', type=_name, help=f'what to make, by default all: '
                         f'{", ".join(NAMES)}')
-    parser.add_argument('-o', '--output', type=Path, default=Path(DIRECTORY), metavar='DIRECTORY',
+    parser.add_argument('-o', '--output', type=_directory, default=Path(DIRECTORY),
+                        metavar='DIRECTORY',
                         help='where to write, made if it is not there (default: %(default)s)')
     parser.add_argument('-j', '--processes', type=_count, default=None, metavar='N',
                         help='how many to make at a time (default: as many as there are cores)')
@@ -158,6 +180,12 @@ def _name(text: str) -> str:
     if text not in NAMES:
         raise argparse.ArgumentTypeError(f'{text!r} is none of {", ".join(NAMES)}')
     return text
+
+
+def _directory(text: str) -> Path:
+    if not text:
+        raise argparse.ArgumentTypeError('it is empty, but must be the name of a directory')
+    return Path(text)
 
 
 def _count(text: str) -> int:

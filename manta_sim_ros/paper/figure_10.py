@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 LINES = {'set 1': ('-', '#0072b2'), 'set 2': ('--', '#d55e00')}
-"""Solid and dotted, as in the paper."""
+"""Solid and broken, as in the paper."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -44,7 +44,7 @@ class Figure10:
                 x, y, z = turn.record.position.T
                 plan.plot(x, y, style, color=color, label=described(turn))
                 plan.plot(x[-1], y[-1], 'o', color=color)
-                space.plot(x, y, z, color=color, linewidth=1.0)
+                space.plot(x, y, z, style, color=color, linewidth=1.0)
             plan.set_aspect('equal', adjustable='datalim')
             plan.set_xlabel('x, ahead [m]')
             plan.set_ylabel('y, to the left [m]')
@@ -52,7 +52,7 @@ class Figure10:
             plan.legend(loc='upper center', bbox_to_anchor=(0.5, -0.2))
             for axis in 'xyz':
                 space.locator_params(axis=axis, nbins=4)
-            space.set(xlabel='x [m]', ylabel='y [m]', zlabel='z, up [m]')
+            space.set(xlabel='x [m]', ylabel='y [m]', zlabel='z, up, enlarged [m]')
             space.tick_params(labelsize=7)
             space.set_box_aspect((1.0, 1.0, 0.6), zoom=0.85)
         periods = self.turning.turns[0].record.periods

@@ -68,17 +68,22 @@ class Figure7:
         fundamentals = fundamental(np.cumsum(self.angles, axis=-1))
         return lag(fundamentals[:, :1], fundamentals)
 
+    @property
+    def cycles(self) -> tuple[np.ndarray, np.ndarray]:
+        """Time over period, and angles, of the two cycles that are shown."""
+        return (np.concatenate([self.cycle + whole for whole in range(CYCLES)]), np.concatenate([self.angles] * CYCLES))
+
     def columns(self) -> dict[str, np.ndarray]:
         """Return what the figure shows as columns of equal length."""
+        cycle, angles = self.cycles
         names = [f'{end} chain q{joint + 1} [deg]'
                  for end in ('leading', 'trailing') for joint in range(self.angles.shape[2])]
-        curves = self.angles.reshape(len(self.cycle), -1).T
-        return {'time / period': self.cycle, **dict(zip(names, curves, strict=True))}
+        curves = angles.reshape(len(cycle), -1).T
+        return {'time / period': cycle, **dict(zip(names, curves, strict=True))}
 
     def draw(self, figure: Figure) -> None:
         """Draw two cycles of the joints one by one, and those of the trailing chain on one scale."""
-        cycle = np.concatenate([self.cycle + whole for whole in range(CYCLES)])
-        angles = np.concatenate([self.angles] * CYCLES)
+        cycle, angles = self.cycles
         axes = figure.subplots(2, 2, sharex=True).ravel()
         for joint, panel in enumerate(axes[:3]):
             for end, (name, color) in enumerate(zip(

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import math
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
@@ -11,7 +10,7 @@ import numpy as np
 
 from manta_sim_ros.dynamics import Parameters
 from manta_sim_ros.paper.gaits import FEW_CHAINS, gait, robot
-from manta_sim_ros.paper.periodic import period_average
+from manta_sim_ros.paper.periodic import LAST_PART, period_average, settled
 from manta_sim_ros.paper.record import record
 from manta_sim_ros.paper.style import legend_below
 
@@ -22,11 +21,16 @@ AMPLITUDES = (20.0, 30.0, 40.0, 50.0)
 FREQUENCY, PHASE = 0.6, 40.0
 WINDOW = (4.0, 10.0)
 """[s] over which the paper averages."""
+SHOWN = 12.0  # s
+PERIODS = 20
+"""For how long the robot swims, to see whether it settles."""
+SETTLED = 0.01
+"""A swim has settled from when the mean of each period is within this part of the final one."""
 
 
 @dataclasses.dataclass(frozen=True)
 class Swim:
-    """A straight swim from rest, until half a period after the window."""
+    """A straight swim from rest."""
 
     amplitude: float
     """[degrees]."""
@@ -37,6 +41,8 @@ class Swim:
     """(T,) forward velocity of the centre of mass, F_b [m/s]."""
     average: np.ndarray
     """(T,) speed averaged over the period around each time, NaN where that is not whole [m/s]."""
+    samples: int
+    """Samples a period."""
     attack: np.ndarray
     """(T,) angle of attack of the body, atan2(-V_z, V_x) [degrees]."""
 
@@ -56,6 +62,21 @@ class Swim:
         return float(np.ptp((self.speed - self.average)[self.window]))
 
     @property
+    def means(self) -> np.ndarray:
+        """(periods,) mean speed of each period [m/s]."""
+        return self.speed.reshape(-1, self.samples).mean(axis=1)
+
+    @property
+    def final(self) -> float:
+        """Mean speed of the last quarter of the periods [m/s]."""
+        return float(self.means[-(len(self.means) // LAST_PART):].mean())
+
+    @property
+    def settled_from(self) -> int | None:
+        """From which period on (0 is the first) each period's mean stays near the final one; None if it does not."""
+        return settled(self.means, SETTLED)
+
+    @property
     def growth(self) -> float:
         """How much the average still grows from the beginning of the window to its end [m/s]."""
         average = self.average[self.window]
@@ -65,10 +86,9 @@ class Swim:
 def swim(parameters: Parameters | None, amplitude: float, chains: int) -> Swim:
     """Simulate one amplitude [degrees] with so many chains a fin."""
     both = gait(amplitude, FREQUENCY, PHASE)
-    swum = record(
-        robot(parameters, fin={'chains': chains}), both, both, math.ceil(WINDOW[1] * FREQUENCY + 0.5))
+    swum = record(robot(parameters, fin={'chains': chains}), both, both, PERIODS)
     speed, up = swum.twist[:, 0], swum.twist[:, 2]
-    return Swim(amplitude, chains, swum.time, speed, period_average(speed, swum.samples),
+    return Swim(amplitude, chains, swum.time, speed, period_average(speed, swum.samples), swum.samples,
                 np.degrees(np.arctan2(-up, speed)))
 
 
@@ -112,7 +132,7 @@ class Figure9:
             axes.plot(smooth.time, smooth.speed, ':', color=color, linewidth=1.2)
         axes.plot([], [], 'k-', label=f'{self.swims[0].chains} chains a fin, as the paper')
         axes.plot([], [], 'k:', label=f'{self.smooth[0].chains} chains, whose surface stays smooth')
-        axes.set_xlim(0.0, self.swims[0].time[-1])
+        axes.set_xlim(0.0, SHOWN)
         axes.set_xlabel('time [s]')
         axes.set_ylabel('forward speed [m/s]')
         axes.set_title(f'f = {FREQUENCY:g} Hz, φ = {PHASE:.0f}°; grey: the window of mean and ripple', fontsize=9)

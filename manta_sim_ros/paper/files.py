@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import contextlib
 import csv
+import fcntl
 import math
+import os
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
@@ -16,12 +18,22 @@ DIGITS = 7
 @contextlib.contextmanager
 def whole(path: Path) -> Iterator[Path]:
     """Give a place beside `path` to write to, which takes its name when nothing went wrong and goes away otherwise."""
-    part = path.with_name(f'.part-{path.name}')
-    try:
-        yield part
-        part.replace(path)
-    finally:
-        part.unlink(missing_ok=True)
+    part = path.with_name(f'.part-{os.getpid()}-{path.name}')
+    with part.open('ab') as held:
+        fcntl.flock(held, fcntl.LOCK_EX)  # for `clear_abandoned`: it lasts as long as this process
+        try:
+            yield part
+            part.replace(path)
+        finally:
+            part.unlink(missing_ok=True)
+
+
+def clear_abandoned(directory: Path) -> None:
+    """Take away what processes that were killed had begun in a directory."""
+    for part in directory.glob('.part-*'):
+        with contextlib.suppress(BlockingIOError, FileNotFoundError), part.open('r+b') as file:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            part.unlink()
 
 
 def write_csv(columns: Mapping[str, np.ndarray], path: Path) -> None:

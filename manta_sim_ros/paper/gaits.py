@@ -9,8 +9,8 @@ from typing import Any
 from manta_sim_ros.dynamics import FinCommand, Parameters
 
 FEW_CHAINS = 8
-"""So few chains stay smooth in every straight gait of the paper and far longer in its turns, see docs/model.md, "How
-many chains"."""
+"""So few chains stay smooth in every straight gait of the paper, and longer in its turns: docs/model.md, "How many
+chains"."""
 
 
 def gait(amplitude: float, frequency: float, phase: float = 40.0) -> FinCommand:

@@ -8,6 +8,7 @@ import os
 import queue
 import signal
 import sys
+import threading
 import time
 from collections.abc import Callable, Sequence
 from types import FrameType
@@ -35,10 +36,12 @@ def run_jobs(jobs: Sequence[Job], processes: int | None = None) -> list[Any]:
     """Run jobs, by default as many at a time as there are cores, and return their results in the order of `jobs`.
 
     Prints a line for each that is done, and shows a progress bar on standard error if that is a terminal. When a job
-    fails or the process is interrupted, all others are ended at once.
+    fails or the process is interrupted, all others are ended at once, with every other child of this process.
 
     Raises
     ------
+    concurrent.futures.BrokenExecutor
+        A process was killed.
     Exception
         What the first job that failed raised.
 
@@ -47,7 +50,7 @@ def run_jobs(jobs: Sequence[Job], processes: int | None = None) -> list[Any]:
     parts = context.Queue()
     bar = tqdm(total=sum(job.parts for job in jobs), disable=None, unit='part', smoothing=0.1)
     executor = concurrent.futures.ProcessPoolExecutor(
-        min(processes or len(os.sched_getaffinity(0)), len(jobs)), mp_context=context, initializer=_begin,
+        max(1, min(processes or len(os.sched_getaffinity(0)), len(jobs))), mp_context=context, initializer=_begin,
         initargs=(parts,))
     try:
         with bar:
@@ -60,8 +63,8 @@ def run_jobs(jobs: Sequence[Job], processes: int | None = None) -> list[Any]:
                 for run in finished:
                     seconds = run.result()[1]
                     if runs[run].name:
-                        bar.write(f'{runs[run].name} ({seconds:.0f} s)', file=sys.stdout)
-                        sys.stdout.flush()
+                        with bar.external_write_mode():
+                            say(f'{runs[run].name} ({seconds:.0f} s)')
             bar.update(bar.total - bar.n)
     except BaseException:
         for process in multiprocessing.active_children():
@@ -70,6 +73,15 @@ def run_jobs(jobs: Sequence[Job], processes: int | None = None) -> list[Any]:
         raise
     executor.shutdown()
     return [run.result()[0] for run in runs]
+
+
+def say(line: str) -> None:
+    """Print a line at once; if nobody listens any more, the work goes on without it."""
+    try:
+        print(line, flush=True)
+    except BrokenPipeError:
+        with open(os.devnull, 'w') as nowhere:  # or Python's own flush at the end would fail
+            os.dup2(nowhere.fileno(), sys.stdout.fileno())
 
 
 def _taken(parts: Any) -> int:
@@ -93,8 +105,16 @@ class _Ended(SystemExit):
 def _begin(parts: Any) -> None:
     global _parts
     _parts = parts
-    for ending in (signal.SIGINT, signal.SIGTERM):
+    for ending in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         signal.signal(ending, _end)
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+
+
+def _end_with_parent() -> None:
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        parent.join()
+        os._exit(1)
 
 
 def _end(signum: int, frame: FrameType | None) -> None:

@@ -13,6 +13,7 @@ RECURRENCE = 1e-3
 """A curve recurs when it differs from that of the period before by less than this part of its swing."""
 
 MOST_PERIODS = 50
+"""Longer than this no transient of a held fin lasts."""
 
 LAST_PART = 4
 """A run has settled when it did so before the last quarter of its periods."""

@@ -31,17 +31,22 @@ class Turn:
         return self.record.parameters.fin.chains
 
     @property
+    def headings(self) -> np.ndarray:
+        """(T,) direction of the body's x in plan view [rad], positive to the left, without jumps."""
+        return np.unwrap(Rotation.from_quat(self.record.orientation).as_euler('ZYX')[:, 0])
+
+    @property
     def yaw_rates(self) -> np.ndarray:
         """(periods,) rate of the heading over each period [degrees/s], positive to the left."""
-        heading = np.unwrap(Rotation.from_quat(self.record.orientation).as_euler('ZYX')[:, 0])
-        at_ends = np.concatenate([[0.0], heading[self.record.samples - 1::self.record.samples]])
+        at_ends = np.concatenate([[0.0], self.headings[self.record.samples - 1::self.record.samples]])
         return np.degrees(np.diff(at_ends)) / self.record.period
 
     @property
     def speeds(self) -> np.ndarray:
-        """(periods - 1,) speed of the position's average over a period, from each period to the next [m/s]."""
-        centers = self.record.by_period(self.record.position).mean(axis=1)
-        return np.asarray(np.linalg.norm(np.diff(centers, axis=0), axis=1) / self.record.period)
+        """(periods,) speed along the path, without the flapping [m/s]: of the mean velocity as the heading turns."""
+        velocity = Rotation.from_quat(self.record.orientation).apply(self.record.twist[:, :3])
+        headed = Rotation.from_euler('Z', self.headings[:, None]).inv().apply(velocity)
+        return np.asarray(np.linalg.norm(self.record.by_period(headed).mean(axis=1), axis=1))
 
     @property
     def steady_from(self) -> int | None:
@@ -66,7 +71,7 @@ class Turn:
 
 @dataclasses.dataclass(frozen=True)
 class Turning:
-    """Both sets with the paper's number of chains, then both with fewer, which ripple later."""
+    """Both sets with the paper's number of chains, then both with fewer."""
 
     turns: tuple[Turn, ...]
 
@@ -77,7 +82,8 @@ class Turning:
     ) -> Turning:
         """Simulate both sets with each number of chains; `done` is called after each."""
         turns = []
-        for number in (robot(parameters).fin.chains, FEW_CHAINS) if chains is None else chains:
+        default = (robot(parameters).fin.chains, FEW_CHAINS)
+        for number in dict.fromkeys(default if chains is None else chains):
             for name, (left, right) in TURNS.items():
                 turns.append(Turn(name, record(robot(parameters, fin={'chains': number}), left, right, periods)))
                 done()
