@@ -43,6 +43,8 @@ class Robot:
         self._commanded_at: float | None = None  # simulated time of the last command that was taken
         self.timed_out = False
         """Whether the last command is older than `command_timeout`, and the fins glide to rest."""
+        self.divergences = 0
+        """How often the motion diverged."""
 
     @property
     def state(self) -> State:
@@ -54,6 +56,16 @@ class Robot:
         """What the left and the right fin go to."""
         left, right = (FinCommand(*command) for command in self.state.gait_commands)
         return left, right
+
+    @property
+    def command_age(self) -> float:
+        """Simulated time since the last command that was taken [s], NaN when there was none."""
+        return math.nan if self._commanded_at is None else self.state.time - self._commanded_at
+
+    @property
+    def finite(self) -> bool:
+        """Whether the whole state is finite."""
+        return all(bool(np.isfinite(value).all()) for value in vars(self.state).values())
 
     def check(self, settings: Settings) -> None:
         """Raise a ValueError if the present state could not go on with other settings."""
@@ -130,6 +142,7 @@ class Robot:
         try:
             return self._simulator.advance(steps * self._time_step)
         except DivergenceError as error:
+            self.divergences += 1
             self._error(f'{error}. The robot is put at rest where it was, its fins flat; command it anew.')
             before = self.state
             return self._put(before.position, before.orientation, before.time + steps * self._time_step)

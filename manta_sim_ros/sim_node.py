@@ -7,6 +7,8 @@ import time
 import warnings
 from typing import Any
 
+from builtin_interfaces.msg import Time
+from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseStamped, TwistStamped, WrenchStamped
 from nav_msgs.msg import Odometry
 from rcl_interfaces.msg import SetParametersResult
@@ -17,7 +19,8 @@ from rosgraph_msgs.msg import Clock
 from std_msgs.msg import Float64MultiArray
 
 from manta_sim_ros import messages
-from manta_sim_ros.dynamics import StabilityWarning, State
+from manta_sim_ros.diagnostics import Health, statuses
+from manta_sim_ros.dynamics import StabilityWarning, State, largest_stable_step
 from manta_sim_ros.dynamics.simulator import prepare
 from manta_sim_ros.dynamics.stability import step_warning
 from manta_sim_ros.parameters_ros import Settings, declare, set_values
@@ -29,7 +32,6 @@ QUEUE_DEPTH = 10
 REFUSAL_WARNING_PERIOD = 1.0
 PACE_WINDOW = 1.0
 PACE_WARNING_PERIOD = 5.0
-PACE_TOLERANCE = 0.95
 CLOCK_WARNING_PERIOD = 10.0
 STEP_WARNING_PERIOD = 10.0
 LISTENING_SHARE = 0.1  # of the time that a tick took: for commands when the next tick is due at once
@@ -51,9 +53,11 @@ class SimNode(Node):
         warnings.simplefilter('ignore', StabilityWarning)  # `_warn_of_step` logs it
         self._settings: Settings = declare(self)
         self._robot = Robot(self._settings, self._report_divergence, self.get_logger().warning)
-        self._refusals = 0
+        self._refusals, self._reason = 0, ''
         self._step_warning, self._step_warning_due = '', -math.inf
         self._next_tick = math.inf  # steady time [s]
+        self._computing = 0.0  # elapsed time in ticks since the last look at the pace [s]
+        self._seen = 0, 0  # refusals and divergences at that look
 
         self._pose = self.create_publisher(PoseStamped, 'pose', QUEUE_DEPTH)
         self._twist = self.create_publisher(TwistStamped, 'twist', QUEUE_DEPTH)
@@ -65,6 +69,7 @@ class SimNode(Node):
         self._clock_publisher = (
             self.create_publisher(Clock, '/clock', QUEUE_DEPTH) if self._settings.node.publish_clock else None
         )
+        self._diagnostics = self.create_publisher(DiagnosticArray, '/diagnostics', QUEUE_DEPTH)
         self._commands = self.create_subscription(Float64MultiArray, 'fin_command', self._take_command, QUEUE_DEPTH)
         self._time = TimeControl(
             self, self._robot, lambda: self._settings, self._publish, self._set_pace, self._forget_commands)
@@ -86,10 +91,14 @@ class SimNode(Node):
         while self.context.ok():
             now = listen_until = time.monotonic()
             if now >= self._next_tick and not self._time.paused:
-                self._tick()
+                self._publish(self._robot.tick())
                 done = time.monotonic()
+                self._computing += done - now
                 self._next_tick = max(self._next_tick + self._tick_period, done)  # what is late is dropped
                 listen_until = done + LISTENING_SHARE * (done - now)
+                self._look_at_itself()
+            elif self._time.paused:
+                self._look_at_itself()
             wait = LONGEST_WAIT if self._time.paused else self._next_tick - time.monotonic()
             executor.spin_once(timeout_sec=min(max(0.0, wait), LONGEST_WAIT))
             while time.monotonic() < listen_until:
@@ -106,7 +115,7 @@ class SimNode(Node):
             left, right = messages.fin_commands(message.data)
             self._robot.command(left, right)
         except ValueError as error:
-            self._refusals += 1
+            self._refusals, self._reason = self._refusals + 1, str(error)
             self.get_logger().warning(
                 f'fin_command refused, the gait before goes on ({self._refusals} refused so far): {error}',
                 throttle_duration_sec=REFUSAL_WARNING_PERIOD,
@@ -129,13 +138,13 @@ class SimNode(Node):
     def _report_divergence(self, line: str) -> None:
         self.get_logger().error(line, throttle_duration_sec=REFUSAL_WARNING_PERIOD)
 
-    def _tick(self) -> None:
-        self._publish(self._robot.tick())
-        self._watch_pace()
+    def _stamp(self) -> Time:
+        if self._settings.node.publish_clock:
+            return messages.time_message(self._robot.state.time)
+        return self.get_clock().now().to_msg()
 
     def _publish(self, state: State) -> None:
-        own = self._settings.node
-        stamp = messages.time_message(state.time) if own.publish_clock else self.get_clock().now().to_msg()
+        own, stamp = self._settings.node, self._stamp()
         base = messages.header(stamp, own.base_frame)
         pose = messages.pose_message(state, messages.header(stamp, own.odom_frame))
         twist = messages.twist_message(state, base)
@@ -150,18 +159,21 @@ class SimNode(Node):
 
     def _begin_pace_window(self) -> None:
         self._window_began = time.monotonic(), self._robot.state.time
+        self._computing = 0.0
 
-    def _watch_pace(self) -> None:
-        """Once a window, compare simulated time with elapsed time, and look for another clock."""
-        elapsed = time.monotonic() - self._window_began[0]
-        if elapsed < PACE_WINDOW:
+    def _look_at_itself(self) -> None:
+        """Once a window, publish diagnostics and warn of a machine that cannot keep up and of another clock."""
+        if time.monotonic() - self._window_began[0] < PACE_WINDOW:
             return
-        reached = (self._robot.state.time - self._window_began[1]) / elapsed
-        wanted = self._settings.node.real_time_factor
-        if reached < PACE_TOLERANCE * wanted:
+        health = self._health()
+        self._begin_pace_window()
+        self._seen = self._refusals, self._robot.divergences
+        self._diagnostics.publish(DiagnosticArray(
+            header=messages.header(self._stamp(), ''), status=statuses(self.get_fully_qualified_name(), health)))
+        if not health.keeps_up:
             self.get_logger().warning(
-                f'real-time factor {reached:.2f} instead of {wanted:g}: this machine cannot keep up, simulated time '
-                'is slower',
+                f'real-time factor {health.reached_factor:.2f} instead of {health.wanted_factor:g}: this machine '
+                'cannot keep up, simulated time is slower',
                 throttle_duration_sec=PACE_WARNING_PERIOD,
             )
         if self._clock_publisher is not None and self.count_publishers(self._clock_publisher.topic_name) > 1:
@@ -169,7 +181,20 @@ class SimNode(Node):
                 'another node publishes /clock too: of several simulators, start all but one with publish_clock false',
                 throttle_duration_sec=CLOCK_WARNING_PERIOD,
             )
-        self._begin_pace_window()
+
+    def _health(self) -> Health:
+        model, robot, paused = self._settings.model, self._robot, self._time.paused
+        elapsed, simulated = time.monotonic() - self._window_began[0], robot.state.time - self._window_began[1]
+        steps = simulated / model.solver.time_step
+        return Health(
+            time=robot.state.time, paused=paused, wanted_factor=self._settings.node.real_time_factor,
+            reached_factor=math.nan if paused else simulated / elapsed,
+            computing=math.nan if paused or not steps else self._computing / steps,
+            command_age=robot.command_age, timed_out=robot.timed_out, refused=self._refusals,
+            refused_lately=self._refusals - self._seen[0], reason=self._reason,
+            diverged_lately=robot.divergences > self._seen[1], finite=robot.finite,
+            time_step=model.solver.time_step, largest_step=largest_stable_step(model, *robot.commands),
+        )
 
     def _check_parameters(self, parameters: list[Parameter[Any]]) -> SetParametersResult:
         try:

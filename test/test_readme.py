@@ -48,7 +48,7 @@ def described(descriptor):
 def live_topics(ask, probe):
     """Type and direction of each topic by its name; without the leading / where a namespace goes before it."""
     return {
-        name if name == '/clock' else name.removeprefix('/'): (kind, direction)
+        name if name in ('/clock', '/diagnostics') else name.removeprefix('/'): (kind, direction)
         for direction, topics in zip(('in', 'out'), probe.topics_of('manta_sim')) for name, kind in topics.items()
     }
 

@@ -4,6 +4,7 @@ import math
 import time
 
 import pytest
+from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseStamped, TwistStamped, WrenchStamped
 from nav_msgs.msg import Odometry
 from rclpy.qos import ReliabilityPolicy
@@ -53,7 +54,8 @@ def vector(force_and_torque):
 
 def test_each_topic_has_its_type_and_there_are_no_others(heard, probe):
     taken, published = probe.topics_of('manta_sim')
-    expected = {f'/{topic}': kind for topic, kind in OUTPUTS.items()} | {'/clock': Clock}
+    expected = {f'/{topic}': kind for topic, kind in OUTPUTS.items()} | {
+        '/clock': Clock, '/diagnostics': DiagnosticArray}
     assert published == {
         topic: f'{kind.__module__.split(".")[0]}/msg/{kind.__name__}' for topic, kind in expected.items()}
     assert taken == {
