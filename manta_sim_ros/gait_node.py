@@ -14,8 +14,7 @@ from std_msgs.msg import Float64MultiArray
 from manta_sim_ros.messages import fin_commands
 from manta_sim_ros.parameters_ros import declare_value
 from manta_sim_ros.process import run_node
-
-QUEUE_DEPTH = 10
+from manta_sim_ros.qos import publisher
 
 GAIT_LISTS = {  # in the order of a fin_command message; defaults: straight, then a turn to the right
     'left_amplitude_degrees': ([40.0], 'amplitude of the left rear rod [degrees]'),
@@ -63,7 +62,7 @@ class GaitNode(Node):
             raise ValueError(f'publish_rate is {rate} Hz, but must be from 0.1 to 200 Hz')
         self._commands = self._gaits()
         self._began: float | None = None
-        self._publisher = self.create_publisher(Float64MultiArray, 'fin_command', QUEUE_DEPTH)
+        self._publisher = publisher(self, Float64MultiArray, 'fin_command')
         self._timer = self.create_timer(1.0 / rate, self._publish)
 
     def _gaits(self) -> list[list[float]]:

@@ -13,8 +13,8 @@ from rclpy.node import Node
 
 from manta_sim_ros.parameters_ros import declare_value
 from manta_sim_ros.process import run_node
+from manta_sim_ros.qos import subscription
 
-QUEUE_DEPTH = 10
 LINE_PERIOD = 1.0
 HEADINGS = '    time   speed  heading   depth  real-time\n       s     m/s      deg       m     factor'
 
@@ -50,7 +50,7 @@ class MonitorNode(Node):
         self._waiting = False
         self._began = math.nan
         self._line_before = math.nan, math.nan  # elapsed and simulated time [s]
-        self.create_subscription(Odometry, 'odom', self._take, QUEUE_DEPTH)
+        subscription(self, Odometry, 'odom', self._take)
         self._timer = self.create_timer(LINE_PERIOD, self._print, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
     def _take(self, message: Odometry) -> None:

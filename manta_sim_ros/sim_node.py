@@ -25,10 +25,10 @@ from manta_sim_ros.dynamics.simulator import prepare
 from manta_sim_ros.dynamics.stability import step_warning
 from manta_sim_ros.parameters_ros import Settings, declare, set_values
 from manta_sim_ros.process import run_node
+from manta_sim_ros.qos import publisher, subscription
 from manta_sim_ros.robot import Robot
 from manta_sim_ros.time_control import TimeControl
 
-QUEUE_DEPTH = 10
 REFUSAL_WARNING_PERIOD = 1.0
 PACE_WINDOW = 1.0
 PACE_WARNING_PERIOD = 5.0
@@ -59,18 +59,18 @@ class SimNode(Node):
         self._computing = 0.0  # elapsed time in ticks since the last look at the pace [s]
         self._seen = 0, 0  # refusals and divergences at that look
 
-        self._pose = self.create_publisher(PoseStamped, 'pose', QUEUE_DEPTH)
-        self._twist = self.create_publisher(TwistStamped, 'twist', QUEUE_DEPTH)
-        self._odometry = self.create_publisher(Odometry, 'odom', QUEUE_DEPTH)
-        self._wrench = self.create_publisher(WrenchStamped, 'fin_wrench', QUEUE_DEPTH)
+        self._pose = publisher(self, PoseStamped, 'pose')
+        self._twist = publisher(self, TwistStamped, 'twist')
+        self._odometry = publisher(self, Odometry, 'odom')
+        self._wrench = publisher(self, WrenchStamped, 'fin_wrench')
         self._fin_wrenches = [
-            self.create_publisher(WrenchStamped, f'{side}_fin/wrench', QUEUE_DEPTH) for side in ('left', 'right')
+            publisher(self, WrenchStamped, f'{side}_fin/wrench') for side in ('left', 'right')
         ]
         self._clock_publisher = (
-            self.create_publisher(Clock, '/clock', QUEUE_DEPTH) if self._settings.node.publish_clock else None
+            publisher(self, Clock, '/clock') if self._settings.node.publish_clock else None
         )
-        self._diagnostics = self.create_publisher(DiagnosticArray, '/diagnostics', QUEUE_DEPTH)
-        self._commands = self.create_subscription(Float64MultiArray, 'fin_command', self._take_command, QUEUE_DEPTH)
+        self._diagnostics = publisher(self, DiagnosticArray, '/diagnostics')
+        self._commands = subscription(self, Float64MultiArray, 'fin_command', self._take_command)
         self._time = TimeControl(
             self, self._robot, lambda: self._settings, self._publish, self._set_pace, self._forget_commands)
         self.add_on_set_parameters_callback(self._check_parameters)
@@ -152,8 +152,8 @@ class SimNode(Node):
         self._twist.publish(twist)
         self._odometry.publish(messages.odometry_message(pose, twist))
         self._wrench.publish(messages.wrench_message(state.wrench, base))
-        for publisher, wrench in zip(self._fin_wrenches, state.fin_wrenches, strict=True):
-            publisher.publish(messages.wrench_message(wrench, base))
+        for of_fin, wrench in zip(self._fin_wrenches, state.fin_wrenches, strict=True):
+            of_fin.publish(messages.wrench_message(wrench, base))
         if self._clock_publisher is not None:
             self._clock_publisher.publish(messages.clock_message(stamp))
 

@@ -11,9 +11,9 @@ from std_srvs.srv import SetBool, Trigger
 from manta_sim_ros import messages
 from manta_sim_ros.dynamics import State
 from manta_sim_ros.parameters_ros import Settings
+from manta_sim_ros.qos import subscription
 from manta_sim_ros.robot import Robot
 
-QUEUE_DEPTH = 10
 REFUSAL_WARNING_PERIOD = 1.0
 
 
@@ -48,7 +48,7 @@ class TimeControl:
         node.create_service(SetBool, '~/pause', self._pause)
         node.create_service(Trigger, '~/step', self._step)
         node.create_service(Trigger, '~/reset', self._reset)
-        node.create_subscription(PoseStamped, 'set_pose', self._set_pose, QUEUE_DEPTH)
+        subscription(node, PoseStamped, 'set_pose', self._set_pose)
 
     def _pause(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
         before, self.paused = self.paused, request.data

@@ -24,7 +24,8 @@ def ask(module_launch, probe):
 @pytest.fixture(scope='module')
 def live_parameters(ask):
     """Default, unit, bounds, whether live, and meaning, of each parameter by its name."""
-    names = [name for name in ask(ListParameters, 'list_parameters').result.names if name not in OF_ANY_NODE]
+    names = [name for name in ask(ListParameters, 'list_parameters').result.names
+             if name not in OF_ANY_NODE and not name.startswith('qos_overrides.')]
     values = ask(GetParameters, 'get_parameters', names=names).values
     descriptors = ask(DescribeParameters, 'describe_parameters', names=names).descriptors
     return {name: (default(value), *described(descriptor))

@@ -1,0 +1,66 @@
+"""The one place where the quality of service of every topic is chosen: reliable, volatile, small queues.
+
+Reliable publishers serve best-effort subscribers too. Whoever wants something else sets the read-only parameters
+`qos_overrides.<topic>.<publisher or subscription>.<history, depth or reliability>` at the start. rclpy logs a warning
+when a subscriber or a publisher that does not fit is found.
+"""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Callable, Iterator
+from typing import Any
+
+from rclpy.node import Node
+from rclpy.publisher import Publisher
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+from rclpy.qos_overriding_options import QoSOverridingOptions
+from rclpy.subscription import Subscription
+
+QUEUE_DEPTH = 10
+
+
+def publisher(node: Node, message_type: type[Any], topic: str) -> Publisher[Any]:
+    """Create a publisher whose quality of service parameters of the node may change.
+
+    Raises
+    ------
+    ValueError
+        Such a parameter is bad; names the topic.
+
+    """
+    with _named_errors('publisher', topic):
+        return node.create_publisher(message_type, topic, _profile(), qos_overriding_options=_overridable())
+
+
+def subscription(
+    node: Node, message_type: type[Any], topic: str, callback: Callable[[Any], None],
+) -> Subscription[Any]:
+    """Create a subscription whose quality of service parameters of the node may change.
+
+    Raises
+    ------
+    ValueError
+        Such a parameter is bad; names the topic.
+
+    """
+    with _named_errors('subscription', topic):
+        return node.create_subscription(
+            message_type, topic, callback, _profile(), qos_overriding_options=_overridable())
+
+
+@contextlib.contextmanager
+def _named_errors(entity: str, topic: str) -> Iterator[None]:
+    """Say which of the node's many topics it is: rclpy names the bad value at best."""
+    try:
+        yield
+    except (AssertionError, AttributeError, RuntimeError, TypeError) as error:
+        raise ValueError(f'qos_overrides of the {entity} {topic}: {str(error) or "a value is of the wrong type"}') from error
+
+
+def _profile() -> QoSProfile:
+    return QoSProfile(depth=QUEUE_DEPTH, reliability=ReliabilityPolicy.RELIABLE)
+
+
+def _overridable() -> QoSOverridingOptions:
+    return QoSOverridingOptions.with_default_policies()

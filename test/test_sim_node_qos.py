@@ -1,0 +1,64 @@
+"""Quality of service: reliable by default, best-effort peers are served, parameters override it, misfits are logged."""
+
+import pytest
+from geometry_msgs.msg import PoseStamped
+from nav_msgs.msg import Odometry
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+from std_msgs.msg import Float64MultiArray
+
+BEST_EFFORT = QoSProfile(depth=5, reliability=ReliabilityPolicy.BEST_EFFORT)
+OVERRIDES = ('-p qos_overrides./odd/pose.publisher.reliability:=best_effort '
+             '-p qos_overrides./odd/pose.publisher.depth:=3 '
+             '-p qos_overrides./odd/fin_command.subscription.reliability:=best_effort')
+
+
+@pytest.fixture(scope='module')
+def overridden(module_launch, probe):
+    node = module_launch('sim_node', f'{OVERRIDES} -r __ns:=/odd -r /clock:=/odd/clock')
+    probe.until(lambda: probe.node.get_publishers_info_by_topic('/odd/pose'), 'the node')
+    return node
+
+
+def test_best_effort_and_reliable_subscribers_are_both_served(overridden, probe):
+    heard = []
+    subscription = probe.node.create_subscription(Odometry, '/odd/odom', heard.append, BEST_EFFORT)
+    with probe.record(Odometry, '/odd/odom') as reliable:
+        probe.until(lambda: len(heard) > 10 and len(reliable) > 10, 'both')
+    probe.node.destroy_subscription(subscription)
+
+
+def test_parameters_override_what_they_name_and_nothing_else(overridden, probe):
+    (pose,) = probe.node.get_publishers_info_by_topic('/odd/pose')
+    (twist,) = probe.node.get_publishers_info_by_topic('/odd/twist')
+    (command,) = probe.node.get_subscriptions_info_by_topic('/odd/fin_command')
+    assert pose.qos_profile.reliability == command.qos_profile.reliability == ReliabilityPolicy.BEST_EFFORT
+    assert twist.qos_profile.reliability == ReliabilityPolicy.RELIABLE
+    assert 'no parameter of this node' not in overridden.output
+
+
+def test_a_best_effort_command_is_taken_where_that_is_asked_for(overridden, probe):
+    commands = probe.node.create_publisher(Float64MultiArray, '/odd/fin_command', BEST_EFFORT)
+    command = Float64MultiArray(data=[0.7, 0.7, 0.6, 0.6, 0.7, 0.7])
+    with probe.record(Odometry, '/odd/odom') as odometry:
+        probe.until(lambda: odometry and odometry[-1].twist.twist.linear.x, 'motion',
+                    doing=lambda: commands.publish(command))
+
+
+def test_a_subscriber_that_asks_for_more_is_warned_of(overridden, probe):
+    with probe.record(PoseStamped, '/odd/pose') as reliable:
+        probe.until(lambda: 'incompatible QoS' in overridden.output, 'a warning')
+        assert not reliable
+    line = next(line for line in overridden.output.splitlines() if 'incompatible QoS' in line)
+    assert "topic 'pose'" in line and 'RELIABILITY' in line
+
+
+@pytest.mark.parametrize(('override', 'words'), [
+    ('pose.publisher.reliability:=often', ['publisher pose', 'reliability', 'often']),
+    ('odom.publisher.reliability:=3', ['publisher odom']),
+    ('fin_command.subscription.depth:=many', ['subscription fin_command', 'wrong type']),
+    ('twist.publisher.depth:=-3', ['publisher twist', 'depth']),
+])
+def test_a_bad_override_ends_it_with_one_line_that_names_it(launch, override, words):
+    node = launch('sim_node', f'-p qos_overrides./{override}')
+    (line,) = node.refusal()
+    assert all(word in line for word in ['qos_overrides', *words])
