@@ -55,7 +55,8 @@ def _named_errors(entity: str, topic: str) -> Iterator[None]:
     try:
         yield
     except (AssertionError, AttributeError, RuntimeError, TypeError) as error:
-        raise ValueError(f'qos_overrides of the {entity} {topic}: {str(error) or "a value is of the wrong type"}') from error
+        reason = str(error) or 'a value is of the wrong type'
+        raise ValueError(f'qos_overrides of the {entity} {topic}: {reason}') from error
 
 
 def _profile() -> QoSProfile:
