@@ -14,7 +14,7 @@ from typing import Any
 from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rclpy.qos import QoSProfile, ReliabilityPolicy
-from rclpy.qos_overriding_options import QoSOverridingOptions
+from rclpy.qos_overriding_options import InvalidQosOverridesError, QosCallbackResult, QoSOverridingOptions
 from rclpy.subscription import Subscription
 
 QUEUE_DEPTH = 10
@@ -54,7 +54,7 @@ def _named_errors(entity: str, topic: str) -> Iterator[None]:
     """Say which of the node's many topics it is: rclpy names the bad value at best."""
     try:
         yield
-    except (AssertionError, AttributeError, RuntimeError, TypeError) as error:
+    except (AssertionError, AttributeError, InvalidQosOverridesError, RuntimeError, TypeError) as error:
         reason = str(error) or 'a value is of the wrong type'
         raise ValueError(f'qos_overrides of the {entity} {topic}: {reason}') from error
 
@@ -64,4 +64,11 @@ def _profile() -> QoSProfile:
 
 
 def _overridable() -> QoSOverridingOptions:
-    return QoSOverridingOptions.with_default_policies()
+    return QoSOverridingOptions.with_default_policies(callback=_checked)
+
+
+def _checked(profile: QoSProfile) -> QosCallbackResult:
+    result = QosCallbackResult()
+    result.successful = profile.depth >= 1
+    result.reason = f'depth is {profile.depth}, but must be at least 1'
+    return result
