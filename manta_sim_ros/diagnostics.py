@@ -58,9 +58,9 @@ Said = tuple[bytes, str, dict[str, str]]
 
 def _pace(health: Health) -> Said:
     values = {
-        'simulated time [s]': f'{health.time:.3f}', 'real-time factor': f'{health.reached_factor:.3g}',
+        'simulated time [s]': f'{health.time:.3f}', 'real-time factor': _number(health.reached_factor),
         'real-time factor asked for': f'{health.wanted_factor:g}',
-        'computing time of a step [us]': f'{1e6 * health.computing:.3g}',
+        'computing time of a step [us]': _number(1e6 * health.computing),
     }
     if health.paused:
         return DiagnosticStatus.OK, 'paused: simulated time stands still', values
@@ -72,7 +72,7 @@ def _pace(health: Health) -> Said:
 
 
 def _commands(health: Health) -> Said:
-    values = {'age of the last fin_command [s]': f'{health.command_age:.3g}', 'refused': str(health.refused)}
+    values = {'age of the last fin_command [s]': _number(health.command_age), 'refused': str(health.refused)}
     if health.refused_lately:
         return DiagnosticStatus.WARN, (
             f'{health.refused_lately} fin_command refused just now, the gait before goes on: {health.reason}'), values
@@ -101,6 +101,10 @@ def _time_step(health: Health) -> Said:
             f'solver.time_step is {health.time_step:g} s, but this gait is stable up to about '
             f'{health.largest_step:.2g} s only: the motion may diverge'), values
     return DiagnosticStatus.OK, 'solver.time_step is small enough for this gait', values
+
+
+def _number(value: float) -> str:
+    return '-' if math.isnan(value) else f'{value:.3g}'
 
 
 def _status(node: str, matter: str, level: bytes, message: str, values: dict[str, str]) -> DiagnosticStatus:

@@ -34,6 +34,14 @@ def test_a_robot_that_is_well_is_ok_in_everything():
         'finite': 'true', 'solver.time_step [s]': '0.002', 'largest stable [s]': '0.0049'}
 
 
+def test_what_is_not_known_is_a_dash():
+    unknown = dataclasses.replace(
+        WELL, paused=True, reached_factor=math.nan, computing=math.nan, command_age=math.nan)
+    values = {value.key: value.value for status in statuses('/manta_sim', unknown) for value in status.values}
+    assert [key for key, value in values.items() if value == '-'] == [
+        'real-time factor', 'computing time of a step [us]', 'age of the last fin_command [s]']
+
+
 @pytest.mark.parametrize(('change', 'matter', 'level', 'words'), [
     ({'paused': True, 'reached_factor': math.nan}, 'pace', OK, 'paused'),
     ({'reached_factor': 0.42}, 'pace', WARN, 'cannot keep up: simulated time runs at 0.42 times real time'),
