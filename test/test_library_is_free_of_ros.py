@@ -26,6 +26,13 @@ def test_the_import_of_the_library_pulls_in_nothing_of_ros(tmp_path):
     assert not set(imported) & set(OF_ROS)
 
 
+def test_the_papers_figures_need_nothing_of_ros(tmp_path):
+    code = IMPORT.replace('manta_sim_ros.dynamics', 'manta_sim_ros.paper.command')
+    imported = run_python(code, tmp_path).stdout.split()
+    assert {'manta_sim_ros', 'tqdm'} <= set(imported)
+    assert not set(imported) & set(OF_ROS)
+
+
 @pytest.mark.parametrize('path', sorted(LIBRARY.rglob('*.py')), ids=lambda path: path.name)
 def test_every_import_of_the_library_is_of_itself_or_allowed(path):
     imported = []
