@@ -239,6 +239,9 @@ def test_figure_7_draws_each_joint_and_says_its_lag(waves):
     for joint in range(3):
         for end, name in enumerate(('chain 1, leading edge', f'chain {CHAINS}, trailing edge')):
             np.testing.assert_array_equal(panels[joint][name][1], np.tile(waves.angles[:, end, joint], 2))
+    for joint, (_, curve) in enumerate(panels[3].values()):
+        trailing = waves.angles[:, 1, joint]
+        np.testing.assert_allclose(curve, np.tile(trailing / np.abs(trailing).max(), 2))
     labels = list(panels[3])
     for joint in (1, 2):
         assert labels[joint] == f'$q_{joint + 1}$, lags $q_1$ by {waves.spanwise_lags[1, joint]:.1f}°'
