@@ -36,3 +36,19 @@ def test_times_and_ratios_fit_together():
     assert measured.paper_over_literal == pytest.approx(measured.paper_over_library / measured.literal_over_library)
     assert measured.real_time_factors == {
         'paper': 0.01 / 0.18, 'literal': 0.01 / measured.literal, 'library': 0.01 / measured.library}
+
+
+@pytest.mark.parametrize('quick', [True, False])
+def test_the_times_are_those_of_a_hundredth_of_a_second(monkeypatch, quick):
+    clock = [0.0]
+
+    def spent(seconds, result):
+        clock[0] += seconds
+        return result
+
+    monkeypatch.setattr(cost.time, 'process_time', lambda: clock[0])
+    monkeypatch.setattr(cost.literal_model, 'step', lambda parameters, state, motion: spent(0.5, state))
+    monkeypatch.setattr(cost.Simulator, 'advance', lambda simulator, duration: spent(0.02 * duration, None))
+    measured = cost.measure(quick=quick)
+    assert measured.literal == pytest.approx(5 * 0.5)  # five steps of 0.5 s each
+    assert measured.library == pytest.approx(0.02 * 0.01)
