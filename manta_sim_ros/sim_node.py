@@ -27,9 +27,8 @@ from manta_sim_ros.parameters_ros import Settings, declare, set_values
 from manta_sim_ros.process import run_node
 from manta_sim_ros.qos import publisher, subscription
 from manta_sim_ros.robot import Robot
-from manta_sim_ros.time_control import TimeControl
+from manta_sim_ros.time_control import REFUSAL_WARNING_PERIOD, TimeControl
 
-REFUSAL_WARNING_PERIOD = 1.0
 PACE_WINDOW = 1.0
 PACE_WARNING_PERIOD = 5.0
 CLOCK_WARNING_PERIOD = 10.0
@@ -138,13 +137,13 @@ class SimNode(Node):
     def _report_divergence(self, line: str) -> None:
         self.get_logger().error(line, throttle_duration_sec=REFUSAL_WARNING_PERIOD)
 
-    def _stamp(self) -> Time:
+    def _stamp(self, state: State) -> Time:
         if self._settings.node.publish_clock:
-            return messages.time_message(self._robot.state.time)
+            return messages.time_message(state.time)
         return self.get_clock().now().to_msg()
 
     def _publish(self, state: State) -> None:
-        own, stamp = self._settings.node, self._stamp()
+        own, stamp = self._settings.node, self._stamp(state)
         base = messages.header(stamp, own.base_frame)
         pose = messages.pose_message(state, messages.header(stamp, own.odom_frame))
         twist = messages.twist_message(state, base)
@@ -169,7 +168,8 @@ class SimNode(Node):
         self._begin_pace_window()
         self._seen = self._refusals, self._robot.divergences
         self._diagnostics.publish(DiagnosticArray(
-            header=messages.header(self._stamp(), ''), status=statuses(self.get_fully_qualified_name(), health)))
+            header=messages.header(self._stamp(self._robot.state), ''),
+            status=statuses(self.get_fully_qualified_name(), health)))
         if not health.keeps_up:
             self.get_logger().warning(
                 f'real-time factor {health.reached_factor:.2f} instead of {health.wanted_factor:g}: this machine '

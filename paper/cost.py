@@ -7,11 +7,10 @@ and after the literal version, which is slow enough for one.
 from __future__ import annotations
 
 import dataclasses
-import math
 import time
-from collections.abc import Callable
 
 import numpy as np
+from verification.mechanics import rods_of
 
 import literal_model
 from manta_sim_ros.dynamics import Parameters, Simulator
@@ -39,29 +38,9 @@ class Cost:
     paper: float = PAPER_TIME
     """What the paper says, of another machine and one step [s]."""
 
-    @property
-    def literal_over_library(self) -> float:
-        """How many times the library is faster than the literal version, on the same machine."""
-        return self.literal / self.library
 
-    @property
-    def paper_over_library(self) -> float:
-        """How many times the library is faster than the paper says, on different machines."""
-        return self.paper / self.library
-
-    @property
-    def paper_over_literal(self) -> float:
-        """The paper's time in that of the literal version, on different machines."""
-        return self.paper / self.literal
-
-    @property
-    def real_time_factors(self) -> dict[str, float]:
-        """Simulated time in computing time, of each field with a time; above 1 is faster than real time."""
-        return {name: SPAN / getattr(self, name) for name in ('paper', 'literal', 'library')}
-
-
-def measure(done: Callable[[], object] = lambda: None, quick: bool = False) -> Cost:
-    """Time both; `done` is called once. `quick` takes one step of the literal version and few rounds, for tests."""
+def measure(quick: bool = False) -> Cost:
+    """Time both; `quick` takes one step of the literal version and few rounds, for tests."""
     parameters = robot()
     steps = round(SPAN / parameters.solver.time_step)
     rounds = 3 if quick else ROUNDS
@@ -71,7 +50,6 @@ def measure(done: Callable[[], object] = lambda: None, quick: bool = False) -> C
     before = [library_seconds(simulator) for _ in range(rounds)]
     literal = steps * literal_seconds(parameters, 1 if quick else steps)
     after = [library_seconds(simulator) for _ in range(rounds)]
-    done()
     return Cost(literal, float(np.median(before + after)), steps)
 
 
@@ -93,8 +71,4 @@ def literal_seconds(parameters: Parameters, steps: int) -> float:
 
 def rod_motion(parameters: Parameters, at: float) -> np.ndarray:
     """Return angle, rate and acceleration (3) of the front and the rear rod (2, 3) in the straight gait, (38)."""
-    front = math.asin(parameters.rods.rear_radius / parameters.rods.front_radius * math.sin(STRAIGHT.amplitude))
-    amplitudes, pulsation = np.array([front, STRAIGHT.amplitude]), 2.0 * math.pi * STRAIGHT.frequency
-    angles = pulsation * at + np.array([STRAIGHT.phase, 0.0])
-    sine, cosine = amplitudes * np.sin(angles), amplitudes * np.cos(angles)
-    return np.stack([sine, pulsation * cosine, -pulsation**2 * sine], axis=1)
+    return rods_of(parameters, STRAIGHT, np.array([at]))[0]

@@ -179,16 +179,6 @@ class Sensitivity:
         return self.results[0]
 
     @property
-    def low(self) -> np.ndarray:
-        """(V, R) at -20 %, NaN where it is impossible."""
-        return self.results[1::2]
-
-    @property
-    def high(self) -> np.ndarray:
-        """(V, R) at +20 %, NaN where it is impossible."""
-        return self.results[2::2]
-
-    @property
     def effects(self) -> np.ndarray:
         """(V, 2, R) relative change of each result, of the smaller and of the greater value [%]."""
         return changes(self.results)

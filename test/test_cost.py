@@ -1,4 +1,4 @@
-"""What the paper's 0.01 s cost: both programs swim the same, and times and ratios fit together."""
+"""What the paper's 0.01 s cost: both programs swim the same, for the time that they say."""
 
 import sys
 from pathlib import Path
@@ -28,14 +28,11 @@ def test_both_programs_swim_the_same():
     np.testing.assert_allclose(library.fin_wrenches, literal.fin_wrenches, rtol=1e-10, atol=1e-10)
 
 
-def test_times_and_ratios_fit_together():
+def test_both_are_timed_over_the_steps_of_a_hundredth_of_a_second():
     measured = cost.measure(quick=True)
     assert measured.steps == 5
     assert measured.literal > 0.0 and measured.library > 0.0
-    assert measured.paper_over_library == pytest.approx(0.18 / measured.library)
-    assert measured.paper_over_literal == pytest.approx(measured.paper_over_library / measured.literal_over_library)
-    assert measured.real_time_factors == {
-        'paper': 0.01 / 0.18, 'literal': 0.01 / measured.literal, 'library': 0.01 / measured.library}
+
 
 
 @pytest.mark.parametrize('quick', [True, False])

@@ -123,8 +123,8 @@ def test_a_measurement_runs_every_case_once_and_tells_of_each(monkeypatch):
     assert tuple(ran) == cases(quick=True)
     assert told == list(range(1, len(ran) + 1))
     np.testing.assert_array_equal(measured.base, 1.0)
-    np.testing.assert_array_equal(measured.low[:, 0], np.arange(2, len(ran) + 1, 2))
-    np.testing.assert_array_equal(measured.high[:, 0], np.arange(3, len(ran) + 1, 2))
+    np.testing.assert_array_equal(measured.results[1::2, 0], np.arange(2, len(ran) + 1, 2))
+    np.testing.assert_array_equal(measured.results[2::2, 0], np.arange(3, len(ran) + 1, 2))
 
 
 # Bounds of effects: about two thirds of what was measured, with 8 chains and with 30.
@@ -188,7 +188,7 @@ def test_columns_have_a_row_for_each_variant_with_either_number_of_chains(measur
     for index, result in enumerate(RESULTS):
         column = columns[f'{result.name} [{result.unit}]']
         assert column[0] == measured.base[index]
-        assert column[row] == measured.high[VALUES.index('fin.span'), index]
+        assert column[row] == measured.results[2 + 2 * VALUES.index('fin.span'), index]
 
 
 def test_the_table_has_two_rows_for_each_value_with_its_effects(measured):

@@ -10,7 +10,7 @@ import numpy as np
 
 from manta_sim_ros.dynamics import Parameters
 from manta_sim_ros.paper.gaits import FEW_CHAINS, gait, robot
-from manta_sim_ros.paper.periodic import LAST_PART, period_average, settled
+from manta_sim_ros.paper.periodic import end_mean, period_average, settled
 from manta_sim_ros.paper.record import record
 from manta_sim_ros.paper.style import legend_below
 
@@ -39,12 +39,15 @@ class Swim:
     """(T,) [s]."""
     speed: np.ndarray
     """(T,) forward velocity of the centre of mass, F_b [m/s]."""
-    average: np.ndarray
-    """(T,) speed averaged over the period around each time, NaN where that is not whole [m/s]."""
     samples: int
     """Samples a period."""
     attack: np.ndarray
     """(T,) angle of attack of the body, atan2(-V_z, V_x) [degrees]."""
+
+    @property
+    def average(self) -> np.ndarray:
+        """(T,) speed averaged over the period around each time, NaN where that is not whole [m/s]."""
+        return period_average(self.speed, self.samples)
 
     @property
     def window(self) -> np.ndarray:
@@ -69,18 +72,12 @@ class Swim:
     @property
     def final(self) -> float:
         """Mean speed of the last quarter of the periods [m/s]."""
-        return float(self.means[-(len(self.means) // LAST_PART):].mean())
+        return end_mean(self.means)
 
     @property
     def settled_from(self) -> int | None:
         """From which period on (0 is the first) each period's mean stays near the final one; None if it does not."""
         return settled(self.means, SETTLED)
-
-    @property
-    def growth(self) -> float:
-        """How much the average still grows from the beginning of the window to its end [m/s]."""
-        average = self.average[self.window]
-        return float(average[-1] - average[0])
 
 
 def swim(parameters: Parameters | None, amplitude: float, chains: int) -> Swim:
@@ -88,8 +85,7 @@ def swim(parameters: Parameters | None, amplitude: float, chains: int) -> Swim:
     both = gait(amplitude, FREQUENCY, PHASE)
     swum = record(robot(parameters, fin={'chains': chains}), both, both, PERIODS)
     speed, up = swum.twist[:, 0], swum.twist[:, 2]
-    return Swim(amplitude, chains, swum.time, speed, period_average(speed, swum.samples), swum.samples,
-                np.degrees(np.arctan2(-up, speed)))
+    return Swim(amplitude, chains, swum.time, speed, swum.samples, np.degrees(np.arctan2(-up, speed)))
 
 
 @dataclasses.dataclass(frozen=True)

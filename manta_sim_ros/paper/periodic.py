@@ -16,7 +16,7 @@ MOST_PERIODS = 50
 """Longer than this no transient of a held fin lasts."""
 
 LAST_PART = 4
-"""A run has settled when it did so before the last quarter of its periods."""
+"""The end of a run is the last quarter of its periods; it has settled when it did so before that."""
 
 
 def recurring(
@@ -48,11 +48,19 @@ def settled(means: np.ndarray, tolerance: float) -> int | None:
 
     None when they do not before that quarter begins. `tolerance` is a part of that mean.
     """
-    quarter = len(means) - max(1, len(means) // LAST_PART)
-    final = means[quarter:].mean()
+    final = end_mean(means)
     outside = np.flatnonzero(np.abs(means - final) > tolerance * abs(final))
     begin = int(outside[-1]) + 1 if outside.size else 0
-    return begin if begin <= quarter else None
+    return begin if begin <= len(means) - _end(means) else None
+
+
+def end_mean(means: np.ndarray) -> float:
+    """Return the mean of the last quarter of means (periods,)."""
+    return float(means[-_end(means):].mean())
+
+
+def _end(means: np.ndarray) -> int:
+    return max(1, len(means) // LAST_PART)
 
 
 def period_average(values: np.ndarray, samples: int) -> np.ndarray:

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from manta_sim_ros.dynamics import Parameters
 from manta_sim_ros.paper.gaits import FEW_CHAINS, TURNS, robot
-from manta_sim_ros.paper.periodic import LAST_PART, settled
+from manta_sim_ros.paper.periodic import end_mean, settled
 from manta_sim_ros.paper.record import Record, record
 
 PERIODS = 20
@@ -56,12 +56,12 @@ class Turn:
     @property
     def turning_rate(self) -> float:
         """Mean yaw rate of the last quarter of the periods [degrees/s], positive to the left."""
-        return float(self.yaw_rates[-(self.record.periods // LAST_PART):].mean())
+        return end_mean(self.yaw_rates)
 
     @property
     def turning_radius(self) -> float:
         """Mean speed over turning rate, both of the last quarter of the periods [m]."""
-        return float(self.speeds[-(self.record.periods // LAST_PART):].mean() / np.radians(abs(self.turning_rate)))
+        return float(end_mean(self.speeds) / np.radians(abs(self.turning_rate)))
 
     @property
     def mean_wrenches(self) -> np.ndarray:
