@@ -22,6 +22,7 @@ JOINT_AXIS = np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0])  # A_j of (16): every join
 MIRROR = np.array([1.0, -1.0, 1.0, -1.0, 1.0, -1.0])  # of a twist or wrench: polar part, then axial part
 STILL_WATER = np.zeros(3)  # [m/s]
 LEFT, RIGHT = 0, 1
+NO_WRENCH = np.zeros(6)
 FRONT, REAR = 0, 1
 
 RodMotion = Callable[[int, float], np.ndarray]
@@ -435,11 +436,13 @@ def orientation_matrix(orientation: np.ndarray) -> np.ndarray:
 
 def body_acceleration(
     parameters: Parameters, orientation: np.ndarray, twist: np.ndarray, fin_wrench: np.ndarray,
+    body_wrench: np.ndarray = NO_WRENCH, world_wrench: np.ndarray = NO_WRENCH,
 ) -> np.ndarray:
     """Return eta_b_dot (6,) [m/s^2, rad/s^2] in F_b, (34) to (37).
 
     `orientation` (4,) xyzw, `twist` (6,) in F_b, `fin_wrench` (6,) the sum of both fins, in F_b about the centre of
-    mass. The drag (34) is that of the velocity relative to the water.
+    mass, as is `body_wrench`, from outside; `world_wrench` has world components. The drag (34) is that of the velocity
+    relative to the water.
     """
     body, water = parameters.body, parameters.water
     to_body = orientation_matrix(orientation).T
@@ -453,8 +456,8 @@ def body_acceleration(
     F_buo = body.mass * body.gravity * Z
     M_buo = np.cross(np.array(body.buoyancy_center), to_body @ F_buo)
 
-    F = F_d + fin_wrench[:3]
-    M = M_d + M_buo + fin_wrench[3:]
+    F = F_d + fin_wrench[:3] + body_wrench[:3] + to_body @ world_wrench[:3]
+    M = M_d + M_buo + fin_wrench[3:] + body_wrench[3:] + to_body @ world_wrench[3:]
     V_dot = (F - np.cross(Omega, body.mass * V)) / body.mass
     Omega_dot = np.linalg.solve(J, M - np.cross(Omega, J @ Omega))
     return np.hstack([V_dot, Omega_dot])
@@ -499,7 +502,10 @@ def _step_fin(
     return angles, rates, dynamics(t + dt, angles, rates)[1]
 
 
-def step(parameters: Parameters, state: LiteralState, rod_motion: RodMotion) -> LiteralState:
+def step(
+    parameters: Parameters, state: LiteralState, rod_motion: RodMotion,
+    body_wrench: np.ndarray = NO_WRENCH, world_wrench: np.ndarray = NO_WRENCH,
+) -> LiteralState:
     """Return the state one `solver.time_step` later: the sequential coupling of Section 4 and Figure 6.
 
     `rod_motion(side, time)` gives each fin's rods (2, 3) as in `support_motion`.
@@ -516,7 +522,8 @@ def step(parameters: Parameters, state: LiteralState, rod_motion: RodMotion) -> 
     if parameters.solver.fixed_base:
         return moved
 
-    acceleration = body_acceleration(parameters, state.orientation, state.twist, np.sum(wrenches, axis=0))
+    acceleration = body_acceleration(
+        parameters, state.orientation, state.twist, np.sum(wrenches, axis=0), body_wrench, world_wrench)
     orientation = state.orientation + dt * quaternion_rate(state.orientation, state.twist[3:])
     return dataclasses.replace(
         moved,

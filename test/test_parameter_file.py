@@ -44,8 +44,10 @@ def test_other_readers_of_yaml_are_left_as_they_are():
     assert yaml.safe_load('1e8') == '1e8'
 
 
-def test_single_values_beside_the_groups_are_left_to_the_node(read):
-    assert read(below('publish_rate: 50.0', 'odom_frame: map', 'use_sim_time: true')) == Parameters()
+def test_what_is_the_nodes_own_is_left_to_it(read):
+    assert read(below(
+        'publish_rate: 50.0', 'odom_frame: map', 'use_sim_time: true', 'imu: {seed: 3}', 'pressure: {noise: 1.0}',
+        'qos_overrides: {/odom: {publisher: {depth: 3}}}')) == Parameters()
 
 
 def test_a_path_may_be_a_text(tmp_path):

@@ -13,7 +13,9 @@ from scenarios import variant
 
 DEFAULTS = {  # Table 1 of the paper, and what the model supplies where the paper is silent
     'water': {
-        'density': 9800.0, 'current': (0.0, 0.0, 0.0), 'added_mass_coefficient': 0.0, 'added_mass_density': 1000.0},
+        'density': 9800.0, 'current': (0.0, 0.0, 0.0), 'current_deviation': (0.0, 0.0, 0.0),
+        'current_correlation_time': 10.0, 'current_seed': 0, 'surface_height': 5.0,
+        'added_mass_coefficient': 0.0, 'added_mass_density': 1000.0},
     'body': {
         'mass': 20.0, 'inertia': (1.33, 1.93, 2.73), 'drag_area': (0.32, 0.4, 0.8),
         'drag_coefficient': (0.02, 0.04, 0.1), 'angular_damping': (0.015, 0.01, 0.02),

@@ -13,13 +13,13 @@ from scenarios import STATE_FIELDS, SWIM, TURN, assert_same_bits, sized
 SHAPES = {
     'position': (3,), 'orientation': (4,), 'twist': (6,), 'acceleration': (6,), 'joint_angles': (2, 5, 3),
     'joint_rates': (2, 5, 3), 'rod_angles': (2, 2), 'fin_wrenches': (2, 6), 'gait': (2, 5), 'gait_rates': (2, 5),
-    'gait_commands': (2, 5), 'cycle_angles': (2,),
+    'gait_commands': (2, 5), 'cycle_angles': (2,), 'current_deviation': (3,),
 }
 
 
 @pytest.fixture(scope='module')
 def state():
-    simulator = Simulator(sized(5, 3))
+    simulator = Simulator(sized(5, 3, water={'current_deviation': (0.1, 0.1, 0.1)}))
     simulator.command(left=SWIM, right=TURN)
     return simulator.advance(0.7)
 

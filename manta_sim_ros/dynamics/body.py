@@ -13,6 +13,9 @@ from manta_sim_ros.dynamics.parameters import Vector
 BodyConstants = tuple[float, Vector, Vector, Vector, Vector, float]
 """Mass, inertia, rho S_B C_B / 2, C_M, r_b and m_b g."""
 
+OutsideWrench = tuple[Vector, Vector, Vector, Vector]
+"""Force [N] and moment [N m] from outside on the body about the centre of mass, in F_b, and such a pair in F_w."""
+
 LEAST_PIVOT = 1e-300
 """Below it an inertia is not positive definite."""
 
@@ -38,6 +41,17 @@ def body_load(
     damped = (-damping[0] * omega[0], -damping[1] * omega[1], -damping[2] * omega[2])
     spin = (inertia[0] * omega[0], inertia[1] * omega[1], inertia[2] * omega[2])
     return force, subtract(add(damped, righting), cross(omega, spin))
+
+
+@kernel
+def add_outside(
+    outside: OutsideWrench, rotation: Rotation, force: Vector, moment: Vector,
+) -> tuple[Vector, Vector]:
+    """Return force [N] and moment [N m] in F_b with the wrench from outside added; `rotation` is R_b."""
+    return (
+        add(force, add(outside[0], rotate_back(rotation, outside[2]))),
+        add(moment, add(outside[1], rotate_back(rotation, outside[3]))),
+    )
 
 
 @kernel

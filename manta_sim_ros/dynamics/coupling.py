@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from manta_sim_ros.dynamics.actuation import Rod, RodConstants, SupportMotion, support_motion
-from manta_sim_ros.dynamics.body import BodyConstants
+from manta_sim_ros.dynamics.body import BodyConstants, OutsideWrench
 from manta_sim_ros.dynamics.compilation import kernel
 from manta_sim_ros.dynamics.fin import FinConstants, stations
 from manta_sim_ros.dynamics.geometry import mirror_axial, mirror_polar
@@ -28,12 +28,13 @@ FASTEST = 1e3
 
 
 class Constants(NamedTuple):
-    """The parameters as the kernels take them."""
+    """The parameters as the kernels take them, and what acts from outside."""
 
     fin: FinConstants
     rods: RodConstants
     body: BodyConstants
     current: Vector  # of the water, world frame [m/s]
+    outside: OutsideWrench
     time_constant: float
     time_step: float
     fixed_base: bool
@@ -82,6 +83,7 @@ def constants(parameters: Parameters) -> Constants:
             body.buoyancy_center, body.mass * body.gravity,
         ),
         current=water.current,
+        outside=((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)),
         time_constant=rods.command_time_constant,
         time_step=parameters.solver.time_step,
         fixed_base=parameters.solver.fixed_base,

@@ -21,7 +21,15 @@ from manta_sim_ros.dynamics.articulated import (
     inertia_along_support,
     support_inertia,
 )
-from manta_sim_ros.dynamics.body import attitude, body_derivative, body_load, normalise, slower_than, solve_body
+from manta_sim_ros.dynamics.body import (
+    add_outside,
+    attitude,
+    body_derivative,
+    body_load,
+    normalise,
+    slower_than,
+    solve_body,
+)
 from manta_sim_ros.dynamics.compilation import entry_kernel, kernel, source_digest
 from manta_sim_ros.dynamics.coupling import (
     BODY_FAILED,
@@ -121,6 +129,7 @@ def _build_advance(digest: str) -> Callable[..., Any]:
                 rotation = attitude(body)
                 current = rotate_back(rotation, constants.current)
                 load, load_moment = body_load(constants.body, rotation, triple(body, 7), triple(body, 10), current)
+                load, load_moment = add_outside(constants.outside, rotation, load, load_moment)
                 for side in range(2):
                     front, rear = rod_motion(
                         ratio, time_constant, gait[side], gait_rate[side], command[side], cycle_angle[side], elapsed)

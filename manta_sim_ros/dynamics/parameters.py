@@ -117,7 +117,21 @@ class Water(Group):
         'Table 1 as printed: ten times water, it gives the thrust that the prototype shows',
     )
     current: Vector = quantity(
-        (0.0, 0.0, 0.0), 'm/s', -10.0, 10.0, 'velocity of the water, world frame [x, y, z]', 'still water in the paper',
+        (0.0, 0.0, 0.0), 'm/s', -10.0, 10.0, 'mean velocity of the water, world frame [x, y, z]',
+        'still water in the paper',
+    )
+    current_deviation: Vector = quantity(
+        (0.0, 0.0, 0.0), 'm/s', 0.0, 10.0,
+        'standard deviation of the current about its mean, a Gauss-Markov process, world frame [x, y, z]',
+        'a steady current in the paper',
+    )
+    current_correlation_time: float = quantity(
+        10.0, 's', 0.01, 1e6, 'time in which the deviation of the current forgets all but 1/e of itself', 'chosen',
+    )
+    current_seed: int = quantity(0, '', 0, 10**9, 'seed of the deviation of the current', 'chosen')
+    surface_height: float = quantity(
+        5.0, 'm', -1e5, 1e5, 'height of the surface of the water, world frame; depth is measured from it',
+        'chosen: the origin is in the water',
     )
     added_mass_coefficient: float = quantity(
         0.0, '', 0.0, 10.0,
@@ -292,7 +306,8 @@ class Parameters:
     def from_yaml(cls, path: str | Path) -> Parameters:
         """Read a ROS 2 parameter file: the groups below `/**: ros__parameters:`.
 
-        Single values beside the groups are the node's own (its rate, its frames) and are left to it.
+        The groups `imu`, `pressure` and `qos_overrides`, and single values beside the groups, are the node's own (its
+        sensors, its rate, its frames) and are left to it.
 
         Raises
         ------
@@ -310,10 +325,14 @@ class Parameters:
             if not isinstance(listed, Mapping):
                 raise ValueError("has no 'ros__parameters:' below '/**:'")
             return cls.from_groups({
-                name: value for name, value in listed.items() if name in GROUPS or isinstance(value, Mapping)
+                name: value for name, value in listed.items()
+                if name in GROUPS or isinstance(value, Mapping) and name not in NODE_GROUPS
             })
         except (ValueError, yaml.YAMLError) as error:
             raise ValueError(f'{path}: {error}') from error
 
+
+NODE_GROUPS = ('imu', 'pressure', 'qos_overrides')
+"""Groups of the parameter file that are the node's."""
 
 GROUPS: dict[str, type[Any]] = {'water': Water, 'body': Body, 'rods': Rods, 'fin': Fin, 'solver': Solver}

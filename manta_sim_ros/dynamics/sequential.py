@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from manta_sim_ros.dynamics.body import body_acceleration, body_load
+from manta_sim_ros.dynamics.body import add_outside, body_acceleration, body_load
 from manta_sim_ros.dynamics.compilation import entry_kernel, kernel, source_digest
 from manta_sim_ros.dynamics.coupling import (
     BODY_FAILED,
@@ -44,6 +44,7 @@ def _step_body(
     dt = constants.time_step
     velocity, omega = triple(twist, 0), triple(twist, 3)
     load, load_moment = body_load(constants.body, rotation, velocity, omega, current)
+    load, load_moment = add_outside(constants.outside, rotation, load, load_moment)
     linear, angular = body_acceleration(constants.body, add(load, force), add(load_moment, moment))
     moved = rotate(rotation, velocity)
     turn(orientation, omega, dt)

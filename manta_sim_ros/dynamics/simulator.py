@@ -6,15 +6,16 @@ import dataclasses
 import math
 import numbers
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from types import ModuleType
 
 import numpy as np
 
 from manta_sim_ros.dynamics import coupling, monolithic, sequential
 from manta_sim_ros.dynamics.compilation import announced_compilation
+from manta_sim_ros.dynamics.current import deviation_at, steps_left
 from manta_sim_ros.dynamics.gait import REST, SIDES, FinCommand, check_gait, check_present_gait, check_transition
-from manta_sim_ros.dynamics.parameters import MONOLITHIC, SEQUENTIAL, Parameters
+from manta_sim_ros.dynamics.parameters import MONOLITHIC, SEQUENTIAL, Parameters, Vector
 from manta_sim_ros.dynamics.stability import StabilityWarning, remedy, step_warning
 from manta_sim_ros.dynamics.state import State
 
@@ -26,6 +27,9 @@ LINK_STEPS_AT_ONCE = 5_000_000
 
 MOST_STEPS = 2**53
 """More steps than this a float cannot count."""
+
+NO_WRENCH: tuple[float, ...] = (0.0,) * 6
+"""Nothing acts on the body but water, buoyancy and fins."""
 
 _KERNELS: dict[str, ModuleType] = {SEQUENTIAL: sequential, MONOLITHIC: monolithic}
 
@@ -143,13 +147,21 @@ class Simulator:
         if warning is not None and not known:
             warnings.warn(warning, StabilityWarning, stacklevel)
 
-    def advance(self, duration: float) -> State:
+    def advance(
+        self, duration: float, *, current: Sequence[float] | np.ndarray | None = None,
+        body_wrench: Sequence[float] | np.ndarray = NO_WRENCH, world_wrench: Sequence[float] | np.ndarray = NO_WRENCH,
+    ) -> State:
         """Advance by `duration` [s], a whole number of time steps, in one compiled loop; return the new state.
+
+        Disturbances hold for `duration`: `current` (3,) is the mean velocity of the water [m/s], world frame, in place
+        of `water.current`; `body_wrench` and `world_wrench` (6,) are forces [N] and moments [N m] on the body about its
+        centre of mass, components in the body frame and in the world frame. A body that is held still feels no wrench.
 
         Raises
         ------
         ValueError
-            `duration` is negative, not finite or no whole number of steps.
+            `duration` is negative, not finite or no whole number of steps; a disturbance has a wrong shape or is not
+            finite.
         DivergenceError
             A joint passed +-pi, the body is absurdly fast or a value is not finite; gives time, fin, chain and a step
             to try. The simulator stays where it was before.
@@ -157,20 +169,34 @@ class Simulator:
         """
         steps = self._whole_steps(duration)
         before, kernels = self._state, _KERNELS[self._parameters.solver.coupling]
+        water, time_step = self._parameters.water, self._parameters.solver.time_step
+        mean = _finite_array('current', water.current if current is None else current, (3,))
+        constants = self._constants._replace(
+            outside=(*_force_and_moment('body_wrench', body_wrench), *_force_and_moment('world_wrench', world_wrench)))
         motion = coupling.Motion(*(getattr(before, name).copy() for name in coupling.Motion._fields))
         at_once = max(1, LINK_STEPS_AT_ONCE // before.joint_angles.size)
-        for begin in range(0, max(steps, 1), at_once):
+        varying = any(water.current_deviation)
+        deviation = before.current_deviation if varying else np.zeros(3)
+        taken, time = 0, before.time
+        while True:
+            due = min(steps - taken, at_once, steps_left(time, time_step) if varying else steps)
             with announced_compilation():
-                taken, failed, side, chain = kernels.advance_kernel(
-                    self._constants, motion, min(steps - begin, at_once))
+                done, failed, side, chain = kernels.advance_kernel(
+                    constants._replace(current=tuple((mean + deviation).tolist())), motion, due)
             if failed:
-                raise self._divergence(before, begin + taken, failed, side, chain)
-        count = before.step_count + steps
+                raise self._divergence(before, taken + done, failed, side, chain)
+            taken += due
+            began, time = time, before.start_time + (before.step_count + taken) * time_step
+            if varying:
+                deviation = deviation_at(water, deviation, began, time)
+            if taken == steps:
+                break
         self._state = State.owning(
             **motion._asdict(),
-            time=before.start_time + count * self._parameters.solver.time_step,
+            time=time,
             start_time=before.start_time,
-            step_count=count,
+            step_count=before.step_count + steps,
+            current_deviation=deviation,
         )
         return self._state
 
@@ -276,7 +302,12 @@ def fin_dynamics(
     return accelerations, wrench
 
 
-def _finite_array(name: str, values: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
+def _force_and_moment(name: str, wrench: Sequence[float] | np.ndarray) -> tuple[Vector, Vector]:
+    x, y, z, about_x, about_y, about_z = _finite_array(name, wrench, (6,)).tolist()
+    return (x, y, z), (about_x, about_y, about_z)
+
+
+def _finite_array(name: str, values: Sequence[float] | np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
     array = np.array(values, dtype=np.float64, order='C')  # a copy: Numba would compile anew for a read-only array
     if array.shape != shape:
         raise ValueError(f'{name} has shape {array.shape}, but must have {shape}')

@@ -21,6 +21,7 @@ SHAPES: dict[str, tuple[int, ...]] = {
     'gait_rates': (2, 5),
     'gait_commands': (2, 5),
     'cycle_angles': (2,),
+    'current_deviation': (3,),
 }
 """Shapes of the arrays of a state; joint_angles and joint_rates are (2, n, m)."""
 
@@ -75,6 +76,8 @@ class State:
     """Time from which steps are counted [s], so that time is a product and gathers no rounding."""
     step_count: int = 0
     """Steps since `start_time`."""
+    current_deviation: np.ndarray = dataclasses.field(default_factory=lambda: np.zeros(3))
+    """(3,) how far the current is from its mean now, world frame [m/s]."""
 
     def __post_init__(self) -> None:
         """Copy the arrays, make them read-only, and check them."""

@@ -1,11 +1,48 @@
-"""Where the fins are: the nodes of their chains, from the angles of rods and joints, (7) to (9)."""
+"""Where rods, supports and fins are and how they move, from the angles of rods and joints, (7) to (9) and (38)."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from manta_sim_ros.dynamics.fin import stations
-from manta_sim_ros.dynamics.parameters import Parameters
+from manta_sim_ros.dynamics.parameters import Parameters, Rods
+from manta_sim_ros.dynamics.state import State
+
+STEP = 1e-20
+"""Imaginary step of time h [s]: f(t + i h) is f + i h f-dot, exact to rounding because h^2 vanishes beside 1."""
+
+
+def support_angles(parameters: Parameters, rod_angles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return theta and beta (..., 2) [fin] [rad]: F_0 is F_b turned by theta about z, then by beta about y, (9).
+
+    `rod_angles` (..., 2, 2) as for `fin_surfaces`. On the right they are those of the mirrored fin.
+    """
+    sin_theta, sin_beta = _support_sines(parameters, rod_angles)
+    return np.arcsin(sin_theta), np.arcsin(sin_beta)
+
+
+def _support_sines(parameters: Parameters, rod_angles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return sin(theta) and sin(beta) (..., 2), from |AB| = L, (8)."""
+    rods, front, rear = parameters.rods, rod_angles[..., 0], rod_angles[..., 1]
+    dy = rods.front_radius * np.cos(front) - rods.rear_radius * np.cos(rear)
+    dz = rods.front_radius * np.sin(front) - rods.rear_radius * np.sin(rear)
+    sin_beta = -dz / rods.support_length
+    return dy / (rods.support_length * np.sqrt(1.0 - sin_beta**2)), sin_beta
+
+
+def rod_rates(rods: Rods, state: State) -> np.ndarray:
+    """Return the rates of the rods (2, 2) [fin, front or rear] [rad/s], from (38) with the gait as it changes."""
+    amplitude, frequency, phase, front_bias, rear_bias = (state.gait + 1j * STEP * state.gait_rates).T
+    psi = state.cycle_angles + 2j * np.pi * STEP * frequency.real
+    front = np.arcsin(rods.rear_radius / rods.front_radius * np.sin(amplitude))
+    angles = front * np.sin(psi + phase) + front_bias, amplitude * np.sin(psi) + rear_bias
+    return np.stack(angles, axis=-1).imag / STEP
+
+
+def support_rates(parameters: Parameters, rod_angles: np.ndarray, rates: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the rates of `support_angles` (..., 2) [rad/s], given angles and rates (..., 2, 2) of the rods."""
+    theta, beta = support_angles(parameters, rod_angles + 1j * STEP * rates)
+    return theta.imag / STEP, beta.imag / STEP
 
 
 def fin_surfaces(parameters: Parameters, rod_angles: np.ndarray, joint_angles: np.ndarray) -> np.ndarray:
@@ -27,21 +64,16 @@ def fin_surfaces(parameters: Parameters, rod_angles: np.ndarray, joint_angles: n
 
     """
     rods, fin = parameters.rods, parameters.fin
-    front, rear = rod_angles[..., 0, None, None], rod_angles[..., 1, None, None]  # (..., 2, 1, 1): then chain, node
-    length = rods.support_length
-    dy = rods.front_radius * np.cos(front) - rods.rear_radius * np.cos(rear)
-    dz = rods.front_radius * np.sin(front) - rods.rear_radius * np.sin(rear)
-    sin_beta = -dz / length
-    cos_beta = np.sqrt(1.0 - sin_beta**2)
-    sin_theta = dy / (length * cos_beta)
-    cos_theta = np.sqrt(1.0 - sin_theta**2)
+    sin_theta, sin_beta = (sine[..., None, None] for sine in _support_sines(parameters, rod_angles))  # chain, node
+    cos_theta, cos_beta = np.sqrt(1.0 - sin_theta**2), np.sqrt(1.0 - sin_beta**2)
+    rear = rod_angles[..., 1, None, None]
 
     # Components along x_0, y_0, z_0 from A: the links of a chain turn about x_0
     directions = np.cumsum(joint_angles, axis=-1)
     link = fin.span / fin.links
     nodes = [np.cumsum(link * part(directions), axis=-1) for part in (np.cos, np.sin)]
     out, up = (np.concatenate([np.zeros_like(part[..., :1]), part], axis=-1) for part in nodes)
-    along = stations(fin.chains, length)[:fin.chains, None]
+    along = stations(fin.chains, rods.support_length)[:fin.chains, None]
 
     motor_x, motor_y, motor_z = rods.rear_motor_position
     x = motor_x + cos_theta * cos_beta * along - sin_theta * out + cos_theta * sin_beta * up

@@ -8,14 +8,10 @@ import numpy as np
 from scipy.interpolate import PchipInterpolator
 from scipy.spatial.transform import Rotation
 
+from manta_sim_ros.body_shape import SECTIONS, body_surface
 from manta_sim_ros.dynamics import Parameters, fin_surfaces
 from manta_sim_ros.paper.record import Record
 
-BODY = np.array([
-    (0.32, 0.0, 0.0), (0.31, 0.13, 0.035), (0.26, 0.23, 0.06), (0.15, 0.295, 0.08), (-0.01, 0.30, 0.08),
-    (-0.16, 0.295, 0.06), (-0.26, 0.19, 0.04), (-0.33, 0.06, 0.02), (-0.43, 0.02, 0.012), (-0.60, 0.0, 0.0),
-])
-"""Sections of the body as drawn, from nose to tail: x, half the width, half the height [m]. The model has no shape."""
 PANEL = np.array([0.0, 0.33, 0.66, 0.95])
 """Where the panel between body and support is divided, from the motors to the support; the last part is the support."""
 BACK_COLOR, BELLY_COLOR = (0.28, 0.36, 0.45), (0.80, 0.83, 0.86)
@@ -42,10 +38,8 @@ def faces_of(grid: np.ndarray) -> np.ndarray:
 
 def body() -> np.ndarray:
     """Return the faces (27, 28, 4, 3) [m] of the body, in F_b."""
-    sections = PchipInterpolator(np.arange(len(BODY)), BODY)(np.linspace(0.0, len(BODY) - 1.0, 28))
-    x, width, height = sections.T[..., None]
-    around = np.linspace(0.0, 2.0 * np.pi, 29)
-    return faces_of(np.stack(np.broadcast_arrays(x, width * np.cos(around), height * np.sin(around)), axis=-1))
+    smooth = PchipInterpolator(np.arange(len(SECTIONS)), SECTIONS)(np.linspace(0.0, len(SECTIONS) - 1.0, 28))
+    return faces_of(body_surface(smooth, 29))
 
 
 def fins(parameters: Parameters, nodes: np.ndarray) -> np.ndarray:

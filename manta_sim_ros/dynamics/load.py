@@ -1,0 +1,60 @@
+"""How the water loads the fins in a state: the drag (12) of each link as a pressure."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from manta_sim_ros.dynamics.parameters import Parameters
+from manta_sim_ros.dynamics.state import State
+from manta_sim_ros.dynamics.surface import STEP, fin_surfaces, rod_rates
+
+
+def fin_loads(
+    parameters: Parameters, state: State, current: Sequence[float] | np.ndarray | None = None,
+) -> np.ndarray:
+    """Return the normal load of the water on each link of both fins, per unit area, (12).
+
+    The force on a link is load n dl ds: n is the unit normal (11), which is up on both sides when the fin is level, dl
+    the length of the link and ds the distance of the chains. That is the whole drag; the load of the added mass is not
+    in it. All of it is NumPy: a kernel would have to be compiled first.
+
+    Parameters
+    ----------
+    parameters
+        All values of the model.
+    state
+        A state that fits them. The motion of the rods is that of its gait.
+    current
+        (3,) mean velocity of the water, world frame [m/s], as in `Simulator.advance`; default `water.current`. The
+        state's deviation of the current is added.
+
+    Returns
+    -------
+    numpy.ndarray
+        (2, n, m) [fin, chain, link] [Pa], positive where the water pushes the link along n, up.
+
+    """
+    water = np.add(parameters.water.current if current is None else current, state.current_deviation)
+    nodes = fin_surfaces(
+        parameters, state.rod_angles + 1j * STEP * rod_rates(parameters.rods, state),
+        state.joint_angles + 1j * STEP * state.joint_rates)
+    middles = 0.5 * (nodes[..., 1:, :] + nodes[..., :-1, :])
+
+    spanwise = np.diff(nodes.real, axis=-2)
+    chordwise = -np.gradient(middles.real, axis=1)  # towards the leading edge; one-sided at the edges
+    normals = np.cross(chordwise, spanwise)
+    normals[1] *= -1.0  # a vector product changes its sign in the mirror
+    normals /= np.linalg.norm(normals, axis=-1, keepdims=True)
+
+    velocities = middles.imag / STEP + np.cross(state.twist[3:], middles.real)
+    velocities += state.twist[:3] - _in_body(state.orientation, water)
+    through = np.sum(velocities * normals, axis=-1)
+    return -0.5 * parameters.water.density * parameters.fin.drag_coefficient * np.abs(through) * through
+
+
+def _in_body(orientation: np.ndarray, vector: np.ndarray) -> np.ndarray:
+    """Return the components (3,) in F_b of a vector (3,) in the world, by the body's quaternion (4,) x, y, z, w."""
+    turned = 2.0 * np.cross(vector, orientation[:3])
+    return vector + orientation[3] * turned + np.cross(turned, orientation[:3])
