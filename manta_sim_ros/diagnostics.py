@@ -1,10 +1,11 @@
-"""What the node says of itself on /diagnostics, in words: pace, commands, motion and time step."""
+"""What the node says of itself on /diagnostics, in words: pace, commands, disturbances, motion and time step."""
 
 from __future__ import annotations
 
 import dataclasses
 import math
 
+import numpy as np
 from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 
 PACE_TOLERANCE = 0.95
@@ -32,6 +33,15 @@ class Health:
     refused_lately: int
     reason: str
     """Of the last refusal."""
+    current: np.ndarray
+    """Present velocity (3,) of the water, world frame [m/s]."""
+    pushed: bool
+    """Whether a body_wrench acts."""
+    disturbances_refused: int
+    """Messages of current and body_wrench refused since the start."""
+    disturbances_refused_lately: int
+    disturbances_reason: str
+    """Of the last of these refusals."""
     diverged_lately: bool
     finite: bool
     """Whether the whole state is."""
@@ -49,7 +59,9 @@ def statuses(node: str, health: Health) -> list[DiagnosticStatus]:
     """Return one status for each matter of a node, given by its full name."""
     return [
         _status(node, matter, *say(health))
-        for matter, say in (('pace', _pace), ('commands', _commands), ('motion', _motion), ('time step', _time_step))]
+        for matter, say in (
+            ('pace', _pace), ('commands', _commands), ('disturbances', _disturbances), ('motion', _motion),
+            ('time step', _time_step))]
 
 
 Said = tuple[bytes, str, dict[str, str]]
@@ -83,6 +95,20 @@ def _commands(health: Health) -> Said:
     if math.isnan(health.command_age):
         return DiagnosticStatus.OK, 'no fin_command yet: the fins are at rest', values
     return DiagnosticStatus.OK, f'the last fin_command came {health.command_age:.3g} s ago', values
+
+
+def _disturbances(health: Health) -> Said:
+    speed = float(np.linalg.norm(health.current))
+    values = {
+        'current [m/s]': ' '.join(f'{component:.3g}' for component in health.current),
+        'body_wrench acts': str(health.pushed).lower(),
+        'disturbances refused': str(health.disturbances_refused),
+    }
+    if health.disturbances_refused_lately:
+        return DiagnosticStatus.WARN, (
+            f'{health.disturbances_refused_lately} refused just now: {health.disturbances_reason}'), values
+    water = f'the water flows at {speed:.2g} m/s' if speed > 0.0 else 'the water is still'
+    return DiagnosticStatus.OK, f'{water}, {"a body_wrench acts" if health.pushed else "nothing pushes"}', values
 
 
 def _motion(health: Health) -> Said:

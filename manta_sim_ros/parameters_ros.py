@@ -11,7 +11,16 @@ from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescri
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from manta_sim_ros.dynamics.parameters import GROUPS, Group, Parameters, Quantity, quantities, quantity
+from manta_sim_ros.dynamics.parameters import (
+    GROUPS,
+    Group,
+    Parameters,
+    Quantity,
+    Vector,
+    quantities,
+    quantity,
+)
+from manta_sim_ros.sensors import Imu, Pressure
 
 OTHERS = ('use_sim_time', 'start_type_description_service')
 """What else a node may be started with: parameters of rclpy's, and those that begin with `qos_overrides.`."""
@@ -33,12 +42,35 @@ class NodeParameters(Group):
     start_paused: bool = quantity(
         False, '', 0, 1, 'start with simulated time standing still, until ~/pause says otherwise', 'chosen',
     )
+    initial_position: Vector = quantity(
+        (0.0, 0.0, 0.0), 'm', -1e6, 1e6, 'where the robot starts and goes at a reset, world frame [x, y, z]', 'chosen',
+    )
+    initial_yaw: float = quantity(
+        0.0, 'rad', -7.0, 7.0, 'heading there about the vertical, level otherwise; positive to the left',
+        'chosen',
+    )
     step_duration: float = quantity(
         0.01, 's', 1e-7, 3600.0, 'simulated time of a ~/step, a whole number of time steps', 'chosen',
     )
     command_timeout: float = quantity(
         0.0, 's', 0.0, 3600.0,
         'simulated time after the last fin_command at which the amplitudes glide to zero; 0 waits for ever', 'chosen',
+    )
+    body_wrench_lifetime: float = quantity(
+        0.5, 's', 0.0, 3600.0, 'simulated time for which a body_wrench acts; 0 until the next one', 'chosen',
+    )
+    joint_state_rate: float = quantity(
+        50.0, 'Hz', 0.1, 1000.0, 'rate of joint_states in simulated time, at most one an output', 'chosen',
+    )
+    publish_fin_joints: bool = quantity(
+        False, '', 0, 1, 'whether joint_states holds supports and chains beside the four rods', 'chosen',
+    )
+    marker_rate: float = quantity(
+        10.0, 'Hz', 0.1, 1000.0,
+        'rate of fin_markers in simulated time, at most one an output; none while nobody subscribes', 'chosen',
+    )
+    publish_tf: bool = quantity(
+        True, '', 0, 1, 'publish the transform from odom_frame to base_frame, if tf2_msgs is installed', 'chosen',
     )
     odom_frame: str = quantity('odom', '', 0, 0, 'name of the world frame', 'REP 105')
     base_frame: str = quantity('base_link', '', 0, 0, 'name of the body frame', 'REP 105')
@@ -54,11 +86,16 @@ class NodeParameters(Group):
             raise ValueError(f'base_frame is {self.base_frame!r}, but must differ from odom_frame')
 
 
+SENSORS: dict[str, type[Any]] = {'imu': Imu, 'pressure': Pressure}
+
 LIVE = frozenset({
-    'water.density', 'water.current',
+    'water.density', 'water.current', 'water.current_deviation', 'water.current_correlation_time',
+    'water.current_seed', 'water.surface_height',
     'body.drag_area', 'body.drag_coefficient', 'body.angular_damping',
     'fin.youngs_modulus', 'fin.joint_damping', 'fin.drag_coefficient',
-    'publish_rate', 'real_time_factor', 'step_duration', 'command_timeout',
+    *(f'imu.{name}' for name, _ in quantities(Imu)), *(f'pressure.{name}' for name, _ in quantities(Pressure)),
+    'publish_rate', 'real_time_factor', 'step_duration', 'command_timeout', 'body_wrench_lifetime',
+    'joint_state_rate', 'publish_fin_joints', 'marker_rate',
 })
 """What may be set while the node runs; the rest is read-only."""
 
@@ -75,6 +112,8 @@ class Settings:
     """
 
     model: Parameters = Parameters()
+    imu: Imu = Imu()
+    pressure: Pressure = Pressure()
     node: NodeParameters = NodeParameters()
 
     def __post_init__(self) -> None:
@@ -89,7 +128,7 @@ class Settings:
     def value(self, full_name: str) -> Any:
         """Return the value of a parameter by its full name, such as `fin.span`."""
         group, _, name = full_name.rpartition('.')
-        return getattr(getattr(self.model, group) if group else self.node, name)
+        return getattr(self._group(group), name)
 
     def replaced(self, values: Iterable[tuple[str, Any]]) -> Settings:
         """Return settings with other values, given by full names such as `fin.span`.
@@ -100,18 +139,22 @@ class Settings:
             A value is bad; names it and the bound.
 
         """
-        groups: dict[str, dict[str, Any]] = {}
+        changes: dict[str, dict[str, Any]] = {}
         for full_name, value in values:
             group, _, name = full_name.rpartition('.')
-            groups.setdefault(group, {})[name] = value
-        own = dataclasses.replace(self.node, **groups.pop('', {}))
-        changed = {group: dataclasses.replace(getattr(self.model, group), **new) for group, new in groups.items()}
-        return Settings(model=dataclasses.replace(self.model, **changed), node=own)
+            changes.setdefault(group, {})[name] = value
+        changed = {group: dataclasses.replace(self._group(group), **new) for group, new in changes.items()}
+        own = {group or 'node': changed.pop(group) for group in (*SENSORS, '') if group in changed}
+        return dataclasses.replace(self, model=dataclasses.replace(self.model, **changed), **own)
+
+    def _group(self, name: str) -> Any:
+        """Return a group by its name, '' for the node's own parameters."""
+        return getattr(self.model if name in GROUPS else self, name or 'node')
 
 
 def all_quantities() -> Iterator[tuple[str, Any, Quantity]]:
     """Yield full name, default and `Quantity` of every parameter of the node."""
-    for group_name, group in GROUPS.items():
+    for group_name, group in (GROUPS | SENSORS).items():
         for name, known in quantities(group):
             yield f'{group_name}.{name}', getattr(group(), name), known
     for name, known in quantities(NodeParameters):

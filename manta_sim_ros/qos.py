@@ -49,6 +49,13 @@ def subscription(
             message_type, topic, callback, _profile(), qos_overriding_options=_overridable())
 
 
+def drain(waiting: Subscription[Any]) -> None:
+    """Throw away the messages that have come and are not taken yet."""
+    with waiting.handle:
+        while waiting.handle.take_message(waiting.msg_type, waiting.raw) is not None:
+            pass
+
+
 @contextlib.contextmanager
 def _named_errors(entity: str, topic: str) -> Iterator[None]:
     """Say which of the node's many topics it is: rclpy names the bad value at best."""

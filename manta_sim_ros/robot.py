@@ -10,9 +10,9 @@ from collections.abc import Callable, Iterator, Sequence
 import numpy as np
 
 from manta_sim_ros.dynamics import DivergenceError, FinCommand, Simulator, State
+from manta_sim_ros.dynamics.simulator import NO_WRENCH
 from manta_sim_ros.parameters_ros import Settings
 
-LEVEL = (0.0, 0.0, 0.0, 1.0)  # x, y, z, w
 ROUNDING = 1e-6  # of the steps due, far above that of their sum and far below a step
 
 
@@ -38,9 +38,12 @@ class Robot:
     ) -> None:
         self._settings = settings
         self._error, self._warn = error, warn
-        self._simulator = Simulator(settings.model)
+        self._simulator = Simulator(settings.model, state=self._at_rest(*self._start, time=0.0))
         self._steps_due = 0.0
         self._commanded_at: float | None = None  # simulated time of the last command that was taken
+        self._current: Sequence[float] | None = None  # instead of water.current
+        self._body_wrench, self._world_wrench = NO_WRENCH, NO_WRENCH
+        self._wrench_ends = -math.inf  # simulated time
         self.timed_out = False
         """Whether the last command is older than `command_timeout`, and the fins glide to rest."""
         self.divergences = 0
@@ -89,6 +92,33 @@ class Robot:
         self._simulator.command(left=left, right=right)
         self._commanded_at, self.timed_out = self.state.time, False
 
+    @property
+    def mean_current(self) -> Sequence[float]:
+        """Mean velocity (3,) of the water, world frame [m/s]; `state.current_deviation` comes on top."""
+        return self._settings.model.water.current if self._current is None else self._current
+
+    @property
+    def pushed(self) -> bool:
+        """Whether a wrench from outside acts."""
+        return self._wrench_ends > self.state.time + ROUNDING * self._time_step
+
+    def flow(self, current: Sequence[float] | None) -> None:
+        """Let the water flow with a mean velocity (3,) in the world frame [m/s]; None: with `water.current`."""
+        self._current = current
+
+    def push(self, *, body_wrench: Sequence[float] = NO_WRENCH, world_wrench: Sequence[float] = NO_WRENCH) -> None:
+        """Let a wrench (6,) [N, N m] act from now on for `body_wrench_lifetime`, in place of the one before.
+
+        On the body about its centre of mass, components in the body frame or in the world frame.
+        """
+        lifetime = self._settings.node.body_wrench_lifetime
+        self._body_wrench, self._world_wrench = tuple(body_wrench), tuple(world_wrench)
+        self._wrench_ends = self.state.time + lifetime if lifetime > 0.0 else math.inf
+
+    def release(self) -> None:
+        """Let nothing push the robot from now on."""
+        self._wrench_ends = -math.inf
+
     def tick(self) -> State:
         """Advance to the next output, `1 / publish_rate` on, and return its state."""
         return self._advance(self._steps_to_output())
@@ -116,8 +146,12 @@ class Robot:
             steps -= taken
             yield self._advance(taken)
 
-    def put(self, position: Sequence[float] = (0.0, 0.0, 0.0), orientation: Sequence[float] = LEVEL) -> State:
-        """Put the robot at rest at a pose [m; x, y, z, w], its fins flat and not commanded; time goes on from now.
+    def reset(self) -> State:
+        """Put the robot at rest where it started, fins flat, not commanded and not pushed; time goes on."""
+        return self._put(*self._start, time=self.state.time)
+
+    def put(self, position: Sequence[float], orientation: Sequence[float]) -> State:
+        """Put the robot at rest at a pose [m; x, y, z, w], fins flat, not commanded and not pushed; time goes on.
 
         Raises
         ------
@@ -125,7 +159,13 @@ class Robot:
             A value is not finite, or the orientation is no unit quaternion; nothing changes then.
 
         """
-        return self._put(np.array(position), np.array(orientation), self.state.time)
+        return self._put(position, orientation, time=self.state.time)
+
+    @property
+    def _start(self) -> tuple[Sequence[float], Sequence[float]]:
+        """Pose [m; x, y, z, w] at which the robot starts."""
+        own = self._settings.node
+        return own.initial_position, (0.0, 0.0, math.sin(0.5 * own.initial_yaw), math.cos(0.5 * own.initial_yaw))
 
     @property
     def _time_step(self) -> float:
@@ -139,18 +179,38 @@ class Robot:
 
     def _advance(self, steps: int) -> State:
         self._watch_commands()
+        before, pushed_steps = self.state, self._pushed_steps(steps)
         try:
-            return self._simulator.advance(steps * self._time_step)
+            if pushed_steps > 0:
+                self._simulator.advance(
+                    pushed_steps * self._time_step, current=self._current,
+                    body_wrench=self._body_wrench, world_wrench=self._world_wrench)
+            return self._simulator.advance((steps - pushed_steps) * self._time_step, current=self._current)
         except DivergenceError as error:
             self.divergences += 1
             self._error(f'{error}. The robot is put at rest where it was, its fins flat; command it anew.')
-            before = self.state
-            return self._put(before.position, before.orientation, before.time + steps * self._time_step)
+            return self._put(before.position, before.orientation, time=before.time + steps * self._time_step)
 
-    def _put(self, position: np.ndarray, orientation: np.ndarray, time: float) -> State:
-        state = self._simulator.reset(dataclasses.replace(
-            State.at_rest(self._settings.model), time=time, position=position, orientation=orientation))
+    def _pushed_steps(self, steps: int) -> int:
+        """Return in how many of the next steps the wrench from outside acts."""
+        left = (self._wrench_ends - self.state.time) / self._time_step
+        if left >= steps:
+            return steps
+        return math.ceil(left - ROUNDING) if left > ROUNDING else 0
+
+    def _at_rest(
+        self, position: Sequence[float] | np.ndarray, orientation: Sequence[float] | np.ndarray, *, time: float,
+    ) -> State:
+        return dataclasses.replace(
+            State.at_rest(self._settings.model), time=time, position=np.array(position),
+            orientation=np.array(orientation))
+
+    def _put(
+        self, position: Sequence[float] | np.ndarray, orientation: Sequence[float] | np.ndarray, *, time: float,
+    ) -> State:
+        state = self._simulator.reset(self._at_rest(position, orientation, time=time))
         self._commanded_at, self.timed_out = None, False
+        self.release()
         return state
 
     def _watch_commands(self) -> None:

@@ -7,25 +7,24 @@ import time
 import warnings
 from typing import Any
 
-from builtin_interfaces.msg import Time
+import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray
-from geometry_msgs.msg import PoseStamped, TwistStamped, WrenchStamped
-from nav_msgs.msg import Odometry
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
-from rosgraph_msgs.msg import Clock
 from std_msgs.msg import Float64MultiArray
 
 from manta_sim_ros import messages
 from manta_sim_ros.diagnostics import Health, statuses
-from manta_sim_ros.dynamics import StabilityWarning, State, largest_stable_step
+from manta_sim_ros.disturbances import Disturbances
+from manta_sim_ros.dynamics import StabilityWarning, largest_stable_step
 from manta_sim_ros.dynamics.simulator import prepare
 from manta_sim_ros.dynamics.stability import step_warning
+from manta_sim_ros.outputs import Outputs
 from manta_sim_ros.parameters_ros import Settings, declare, set_values
 from manta_sim_ros.process import run_node
-from manta_sim_ros.qos import publisher, subscription
+from manta_sim_ros.qos import drain, publisher, subscription
 from manta_sim_ros.robot import Robot
 from manta_sim_ros.time_control import REFUSAL_WARNING_PERIOD, TimeControl
 
@@ -56,22 +55,14 @@ class SimNode(Node):
         self._step_warning, self._step_warning_due = '', -math.inf
         self._next_tick = math.inf  # steady time [s]
         self._computing = 0.0  # elapsed time in ticks since the last look at the pace [s]
-        self._seen = 0, 0  # refusals and divergences at that look
+        self._seen = 0, 0, 0  # refused commands and disturbances, and divergences, at that look
 
-        self._pose = publisher(self, PoseStamped, 'pose')
-        self._twist = publisher(self, TwistStamped, 'twist')
-        self._odometry = publisher(self, Odometry, 'odom')
-        self._wrench = publisher(self, WrenchStamped, 'fin_wrench')
-        self._fin_wrenches = [
-            publisher(self, WrenchStamped, f'{side}_fin/wrench') for side in ('left', 'right')
-        ]
-        self._clock_publisher = (
-            publisher(self, Clock, '/clock') if self._settings.node.publish_clock else None
-        )
+        self._outputs = Outputs(self, lambda: self._settings, lambda: self._robot.mean_current)
         self._diagnostics = publisher(self, DiagnosticArray, '/diagnostics')
         self._commands = subscription(self, Float64MultiArray, 'fin_command', self._take_command)
+        self._disturbances = Disturbances(self, self._robot, lambda: self._settings)
         self._time = TimeControl(
-            self, self._robot, lambda: self._settings, self._publish, self._set_pace, self._forget_commands)
+            self, self._robot, lambda: self._settings, self._outputs.publish, self._set_pace, self._forget_inputs)
         self.add_on_set_parameters_callback(self._check_parameters)
         self.add_post_set_parameters_callback(self._apply_parameters)
 
@@ -90,7 +81,7 @@ class SimNode(Node):
         while self.context.ok():
             now = listen_until = time.monotonic()
             if now >= self._next_tick and not self._time.paused:
-                self._publish(self._robot.tick())
+                self._outputs.publish(self._robot.tick())
                 done = time.monotonic()
                 self._computing += done - now
                 self._next_tick = max(self._next_tick + self._tick_period, done)  # what is late is dropped
@@ -122,10 +113,9 @@ class SimNode(Node):
         else:
             self._warn_of_step()
 
-    def _forget_commands(self) -> None:
-        with self._commands.handle:
-            while self._commands.handle.take_message(self._commands.msg_type, self._commands.raw) is not None:
-                pass
+    def _forget_inputs(self) -> None:
+        drain(self._commands)
+        self._disturbances.forget()
 
     def _warn_of_step(self) -> None:
         """Warn when the gaits that are commanded, with the present parameters, ask for a smaller time step."""
@@ -137,25 +127,6 @@ class SimNode(Node):
     def _report_divergence(self, line: str) -> None:
         self.get_logger().error(line, throttle_duration_sec=REFUSAL_WARNING_PERIOD)
 
-    def _stamp(self, state: State) -> Time:
-        if self._settings.node.publish_clock:
-            return messages.time_message(state.time)
-        return self.get_clock().now().to_msg()
-
-    def _publish(self, state: State) -> None:
-        own, stamp = self._settings.node, self._stamp(state)
-        base = messages.header(stamp, own.base_frame)
-        pose = messages.pose_message(state, messages.header(stamp, own.odom_frame))
-        twist = messages.twist_message(state, base)
-        self._pose.publish(pose)
-        self._twist.publish(twist)
-        self._odometry.publish(messages.odometry_message(pose, twist))
-        self._wrench.publish(messages.wrench_message(state.wrench, base))
-        for of_fin, wrench in zip(self._fin_wrenches, state.fin_wrenches, strict=True):
-            of_fin.publish(messages.wrench_message(wrench, base))
-        if self._clock_publisher is not None:
-            self._clock_publisher.publish(messages.clock_message(stamp))
-
     def _begin_pace_window(self) -> None:
         self._window_began = time.monotonic(), self._robot.state.time
         self._computing = 0.0
@@ -166,9 +137,9 @@ class SimNode(Node):
             return
         health = self._health()
         self._begin_pace_window()
-        self._seen = self._refusals, self._robot.divergences
+        self._seen = self._refusals, self._disturbances.refusals, self._robot.divergences
         self._diagnostics.publish(DiagnosticArray(
-            header=messages.header(self._stamp(self._robot.state), ''),
+            header=messages.header(self._outputs.stamp(self._robot.state), ''),
             status=statuses(self.get_fully_qualified_name(), health)))
         if not health.keeps_up:
             self.get_logger().warning(
@@ -176,7 +147,7 @@ class SimNode(Node):
                 'cannot keep up, simulated time is slower',
                 throttle_duration_sec=PACE_WARNING_PERIOD,
             )
-        if self._clock_publisher is not None and self.count_publishers(self._clock_publisher.topic_name) > 1:
+        if self._outputs.another_clock:
             self.get_logger().warning(
                 'another node publishes /clock too: of several simulators, start all but one with publish_clock false',
                 throttle_duration_sec=CLOCK_WARNING_PERIOD,
@@ -184,6 +155,7 @@ class SimNode(Node):
 
     def _health(self) -> Health:
         model, robot, paused = self._settings.model, self._robot, self._time.paused
+        disturbances = self._disturbances
         elapsed, simulated = time.monotonic() - self._window_began[0], robot.state.time - self._window_began[1]
         steps = simulated / model.solver.time_step
         return Health(
@@ -192,7 +164,11 @@ class SimNode(Node):
             computing=math.nan if paused or not steps else self._computing / steps,
             command_age=robot.command_age, timed_out=robot.timed_out, refused=self._refusals,
             refused_lately=self._refusals - self._seen[0], reason=self._reason,
-            diverged_lately=robot.divergences > self._seen[1], finite=robot.finite,
+            current=np.add(robot.mean_current, robot.state.current_deviation), pushed=robot.pushed,
+            disturbances_refused=disturbances.refusals,
+            disturbances_refused_lately=disturbances.refusals - self._seen[1],
+            disturbances_reason=disturbances.reason,
+            diverged_lately=robot.divergences > self._seen[2], finite=robot.finite,
             time_step=model.solver.time_step, largest_step=largest_stable_step(model, *robot.commands),
         )
 
@@ -206,6 +182,8 @@ class SimNode(Node):
     def _apply_parameters(self, parameters: list[Parameter[Any]]) -> None:
         before, self._settings = self._settings, set_values(self._settings, parameters)
         self._robot.apply(self._settings)
+        if any(parameter.name == 'water.current' for parameter in parameters):
+            self._robot.flow(None)
         if self._settings.model != before.model:
             self._warn_of_step()
         if self._settings.node != before.node and self._next_tick < math.inf:

@@ -32,17 +32,17 @@ class TimeControl:
         Publishes the outputs of a state.
     resume
         Called when time begins to run again.
-    forget_commands
-        Throws away the commands that have come but are not yet taken.
+    forget_inputs
+        Throws away the commands that have come but are not yet taken, and ends disturbances.
 
     """
 
     def __init__(
         self, node: Node, robot: Robot, settings: Callable[[], Settings], publish: Callable[[State], None],
-        resume: Callable[[], None], forget_commands: Callable[[], None],
+        resume: Callable[[], None], forget_inputs: Callable[[], None],
     ) -> None:
         self._node, self._robot, self._settings = node, robot, settings
-        self._publish, self._resume, self._forget_commands = publish, resume, forget_commands
+        self._publish, self._resume, self._forget_inputs = publish, resume, forget_inputs
         self.paused = settings().node.start_paused
         """Whether simulated time stands still, but for steps."""
         node.create_service(SetBool, '~/pause', self._pause)
@@ -72,9 +72,9 @@ class TimeControl:
         return response
 
     def _reset(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        self._forget_commands()
-        self._put(self._robot.put())
-        response.success, response.message = True, f'at rest at the origin, at {self._now}'
+        self._forget_inputs()
+        self._put(self._robot.reset())
+        response.success, response.message = True, f'at rest where it started, at {self._now}'
         return response
 
     def _set_pose(self, message: PoseStamped) -> None:

@@ -6,7 +6,7 @@ from pathlib import Path
 import yaml
 
 from manta_sim_ros.dynamics import Parameters
-from manta_sim_ros.parameters_ros import NodeParameters
+from manta_sim_ros.parameters_ros import Settings
 
 CONFIG = Path(__file__).parent.parent / 'config' / 'manta.yaml'
 
@@ -24,7 +24,8 @@ def test_the_file_holds_every_name_and_default_and_no_other():
     content = yaml.safe_load(CONFIG.read_text(encoding='utf-8'))
     assert list(content) == ['/**'] and list(content['/**']) == ['ros__parameters']
     listed = content['/**']['ros__parameters']
-    desired = written({**dataclasses.asdict(Parameters()), **dataclasses.asdict(NodeParameters())})
+    settings = dataclasses.asdict(Settings())
+    desired = written({**settings.pop('model'), **settings.pop('node'), **settings})
     assert listed == desired
 
     def kinds(value):

@@ -3,6 +3,7 @@
 import dataclasses
 import math
 
+import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from std_msgs.msg import Float64MultiArray
@@ -14,7 +15,8 @@ OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.E
 SWIM = [0.7, 0.7, 0.6, 0.6, 0.7, 0.7]
 WELL = Health(
     time=12.5, paused=False, wanted_factor=1.0, reached_factor=1.0, computing=2.7e-5, command_age=0.1, timed_out=False,
-    refused=0, refused_lately=0, reason='', diverged_lately=False, finite=True, time_step=0.002, largest_step=0.0049)
+    refused=0, refused_lately=0, reason='', current=np.zeros(3), pushed=False, disturbances_refused=0,
+    disturbances_refused_lately=0, disturbances_reason='', diverged_lately=False, finite=True, time_step=0.002, largest_step=0.0049)
 
 
 def by_matter(messages):
@@ -24,13 +26,15 @@ def by_matter(messages):
 def test_a_robot_that_is_well_is_ok_in_everything():
     said = statuses('/manta_sim', WELL)
     assert [status.name for status in said] == [
-        '/manta_sim: pace', '/manta_sim: commands', '/manta_sim: motion', '/manta_sim: time step']
+        '/manta_sim: pace', '/manta_sim: commands', '/manta_sim: disturbances', '/manta_sim: motion',
+        '/manta_sim: time step']
     assert {status.level for status in said} == {OK}
     assert {status.hardware_id for status in said} == {'/manta_sim'}
     values = {value.key: value.value for status in said for value in status.values}
     assert values == {
         'simulated time [s]': '12.500', 'real-time factor': '1', 'real-time factor asked for': '1',
         'computing time of a step [us]': '27', 'age of the last fin_command [s]': '0.1', 'refused': '0',
+        'current [m/s]': '0 0 0', 'body_wrench acts': 'false', 'disturbances refused': '0',
         'finite': 'true', 'solver.time_step [s]': '0.002', 'largest stable [s]': '0.0049'}
 
 
@@ -52,6 +56,11 @@ def test_what_is_not_known_is_a_dash():
     ({'refused': 9, 'refused_lately': 3, 'reason': 'left phase is nan'}, 'commands', WARN,
      '3 fin_command refused just now, the gait before goes on: left phase is nan'),
     ({'refused': 9}, 'commands', OK, 'the last fin_command came 0.1 s ago'),
+    ({}, 'disturbances', OK, 'the water is still, nothing pushes'),
+    ({'current': np.array([0.3, 0.0, -0.4])}, 'disturbances', OK, 'the water flows at 0.5 m/s, nothing pushes'),
+    ({'pushed': True, 'disturbances_refused': 2}, 'disturbances', OK, 'the water is still, a body_wrench acts'),
+    ({'disturbances_refused': 9, 'disturbances_refused_lately': 2, 'disturbances_reason': 'current: vector.x is nan'},
+     'disturbances', WARN, '2 refused just now: current: vector.x is nan'),
     ({'diverged_lately': True}, 'motion', ERROR, 'diverged and the robot was put at rest'),
     ({'finite': False}, 'motion', ERROR, 'diverged'),
     ({'time_step': 0.005}, 'time step', WARN, 'is 0.005 s, but this gait is stable up to about 0.0049 s only'),

@@ -20,12 +20,16 @@ from rclpy.parameter import parameter_value_to_python
 from rosgraph_msgs.msg import Clock
 
 NAMES = {
-    'water': 'density current added_mass_coefficient added_mass_density',
+    'water': 'density current current_deviation current_correlation_time current_seed surface_height '
+             'added_mass_coefficient added_mass_density',
     'body': 'mass inertia drag_area drag_coefficient angular_damping buoyancy_center gravity',
     'rods': 'front_radius rear_radius support_length rear_motor_position command_time_constant',
     'fin': 'chains links span thickness youngs_modulus joint_damping drag_coefficient density',
     'solver': 'time_step fixed_base coupling',
-    '': 'publish_rate real_time_factor publish_clock start_paused step_duration command_timeout odom_frame base_frame',
+    'imu': 'acceleration_noise acceleration_bias angular_velocity_noise angular_velocity_bias orientation_noise seed',
+    'pressure': 'noise bias atmospheric water_density seed',
+    '': 'initial_position initial_yaw body_wrench_lifetime joint_state_rate publish_fin_joints marker_rate publish_tf '
+        'publish_rate real_time_factor publish_clock start_paused step_duration command_timeout odom_frame base_frame',
 }
 ALL = {f'{group}.{name}'.lstrip('.') for group, names in NAMES.items() for name in names.split()}
 OF_ANY_NODE = {'use_sim_time', 'start_type_description_service'}
@@ -41,6 +45,8 @@ BAD_STARTS = {  # ROS arguments, and what the one line must say
     'nan': ('-p publish_rate:=.nan', ['publish_rate', 'nan', 'from 0.1 to 1000']),
     'infinite': ('-p body.mass:=.inf', ['body.mass', 'inf', 'from 0.001 to 1e+06']),
     'nan in a vector': ('-p water.current:=[0.0,.nan,0.0]', ['water.current[1]', 'nan', 'from -10 to 10 m/s']),
+    'negative noise': ('-p imu.acceleration_noise:=-0.1', ['imu.acceleration_noise', '-0.1', 'from 0 to 100 m/s^2']),
+    'negative seed': ('-p pressure.seed:=-1', ['pressure.seed', '-1', 'from 0 to 1e+09']),
     'vector of two': ('-p body.inertia:=[1.0,2.0]', ['body.inertia', '[1.0, 2.0]', '3 numbers']),
     'text for a switch': ('-p publish_clock:=often', ['publish_clock', 'often', 'true or false']),
     'rate above one a step': ('-p publish_rate:=501.0', ['publish_rate', '501', 'at most 500', 'time_step']),

@@ -1,93 +1,22 @@
 """Pause, step, reset and a new pose: others hold the robot's time, exactly; in lockstep it is the library's twin."""
 
+import dataclasses
 import math
 import re
 import signal
 
+import numpy as np
 import pytest
-from geometry_msgs.msg import PoseStamped, WrenchStamped
-from nav_msgs.msg import Odometry
-from rcl_interfaces.srv import SetParameters
-from rclpy.parameter import Parameter
-from rosgraph_msgs.msg import Clock
+from geometry_msgs.msg import PoseStamped
 from std_msgs.msg import Float64MultiArray
-from std_srvs.srv import SetBool, Trigger
 
-from manta_sim_ros.dynamics import FinCommand, Parameters, Simulator
+from held import Held, numbers
+from manta_sim_ros.dynamics import FinCommand, Parameters, Simulator, State
 
 SWIM = [0.7, 0.7, 0.6, 0.6, 0.7, 0.7]
 TURN = [0.5, 0.2, 0.8, 0.8, 0.6, -0.3]
 TICK = 10_000_000  # ns
 HALF = math.sqrt(0.5)
-
-
-class Held:
-    """A robot in a namespace of its own whose time this process holds."""
-
-    def __init__(self, launch, probe, name, ros_arguments=''):
-        self.probe, self.name = probe, name
-        self.node = launch('sim_node', f'{ros_arguments} -r __ns:=/{name} -r /clock:=/{name}/clock')
-        self.odometry = probe.record(Odometry, f'/{name}/odom')
-        self.wrench = probe.record(WrenchStamped, f'/{name}/fin_wrench')
-        self.clock = probe.record(Clock, f'/{name}/clock')
-        self.commands = probe.node.create_publisher(Float64MultiArray, f'/{name}/fin_command', 10)
-        self.poses = probe.node.create_publisher(PoseStamped, f'/{name}/set_pose', 10)
-        probe.until(lambda: self.commands.get_subscription_count() and self.poses.get_subscription_count(), name)
-
-        own = f'/{name}/manta_sim'
-        self._clients = {
-            what: probe.node.create_client(kind, f'{own}/{what}') for what, kind in (
-                ('pause', SetBool), ('step', Trigger), ('reset', Trigger), ('set_parameters', SetParameters))}
-        for what in ('pause', 'step', 'reset', 'set_parameters'):
-            self._meet(what, data='start_paused' in ros_arguments)
-
-    def _meet(self, what, data):
-        """Call a service until it answers: middleware may lose the answer to a client that is new to the robot."""
-        client = self._clients[what]
-        self.probe.until(client.service_is_ready, what)
-        request = SetBool.Request(data=data) if what == 'pause' else client.srv_type.Request()
-        asked = []
-        self.probe.until(
-            lambda: any(future.done() for future in asked), f'the service {what}',
-            doing=lambda: asked.append(client.call_async(request)), every=2.0)
-
-    def ask(self, what, **request):
-        client = self._clients[what]
-        return client.call_async(client.srv_type.Request(**request))
-
-    def call(self, what, **request):
-        future = self.ask(what, **request)
-        self.probe.until(future.done, f'answer of {what}')
-        return future.result()
-
-    def pause(self, data=True):
-        return self.call('pause', data=data)
-
-    def trigger(self, what):
-        return self.call(what)
-
-    def set_parameter(self, name, value):
-        (result,) = self.call('set_parameters', parameters=[
-            Parameter(name, value=value).to_parameter_msg()]).results
-        return result
-
-    def step(self):
-        """Step, and wait until the clock of its end was heard and all that came before it."""
-        before = len(self.clock)
-        answer = self.trigger('step')
-        assert answer.success, answer.message
-        end = round(float(re.search(r'stepped to (\S+) s', answer.message)[1]) * 1e9)
-        self.probe.until(lambda: len(self.clock) > before and self.clock.stamps[-1] == end, f'the clock at {end}')
-        self.probe.until(lambda: self.odometry.stamps[-1:] == [end] == self.wrench.stamps[-1:], 'the outputs')
-        return end
-
-    def command(self, values):
-        """Command it, and wait until it was taken: a refused one behind it is warned of."""
-        refusals = self.node.output.count('refused so far')
-        self.commands.publish(Float64MultiArray(data=values))
-        self.probe.until(
-            lambda: self.node.output.count('refused so far') > refusals, 'the command',
-            doing=lambda: self.commands.publish(Float64MultiArray(data=[])), every=0.3)
 
 
 @pytest.fixture(scope='module')
@@ -106,12 +35,6 @@ def held(paused_robot):
     assert paused_robot.trigger('reset').success
     paused_robot.step()
     return paused_robot
-
-
-def numbers(odometry, wrench):
-    """Return what is heard of the robot's motion, bit for bit."""
-    twist, force, torque = odometry.twist.twist, wrench.wrench.force, wrench.wrench.torque
-    return [part for vector in (twist.linear, twist.angular, force, torque) for part in (vector.x, vector.y, vector.z)]
 
 
 def library_numbers(state):
@@ -191,7 +114,7 @@ def test_a_reset_goes_back_to_the_start_and_the_clock_goes_on(held):
     assert held.odometry[-1].pose.pose.position.x > 0.01
     heard = len(held.odometry)
     answer = held.trigger('reset')
-    assert answer.success and answer.message.startswith('at rest at the origin')
+    assert answer.success and answer.message.startswith('at rest where it started')
     held.probe.until(lambda: len(held.odometry) > heard, 'the state after the reset')
     assert held.odometry.stamps[-1] == now
     for _ in range(2):
@@ -216,6 +139,28 @@ def test_commands_that_were_sent_before_a_reset_are_dropped(held):
     held.probe.listen(0.3)
     held.step()
     assert not any(numbers(held.odometry[-1], held.wrench[-1]))
+
+
+def test_it_starts_at_its_initial_pose_and_goes_back_there(launch, probe):
+    robot = Held(launch, probe, 'elsewhere', '-p start_paused:=true -p step_duration:=1.0 '
+                 '-p initial_position:=[3.0,-2.0,-1.5] -p initial_yaw:=1.5')
+    turned = [0.0, 0.0, math.sin(0.75), math.cos(0.75)]
+    twin = Simulator(Parameters(), state=dataclasses.replace(
+        State.at_rest(Parameters()), position=np.array([3.0, -2.0, -1.5]), orientation=np.array(turned)))
+    assert robot.trigger('reset').success
+    twin.command(left=FinCommand(*SWIM[::2]), right=FinCommand(*SWIM[1::2]))
+    robot.command(SWIM)
+    robot.step()
+    pose, state = robot.odometry[-1].pose.pose, twin.advance(1.0)
+    assert [pose.position.x, pose.position.y, pose.position.z] == state.position.tolist()
+    assert numbers(robot.odometry[-1], robot.wrench[-1]) == library_numbers(state)
+    assert pose.position.y > -2.0 + 0.01  # it swims where it heads
+    heard = len(robot.odometry)
+    assert robot.trigger('reset').success
+    probe.until(lambda: len(robot.odometry) > heard, 'the state after the reset')
+    pose = robot.odometry[-1].pose.pose
+    assert [pose.position.x, pose.position.y, pose.position.z] == [3.0, -2.0, -1.5]
+    assert [pose.orientation.x, pose.orientation.y, pose.orientation.z, pose.orientation.w] == turned
 
 
 def pose_message(frame='odom', position=(1.0, -2.0, -3.0), orientation=(0.0, 0.0, HALF, HALF)):

@@ -9,13 +9,16 @@ from geometry_msgs.msg import PoseStamped, TwistStamped, WrenchStamped
 from nav_msgs.msg import Odometry
 from rclpy.qos import ReliabilityPolicy
 from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import FluidPressure, Imu, JointState
 from std_msgs.msg import Float64MultiArray
+from visualization_msgs.msg import MarkerArray
 
 from manta_sim_ros.dynamics import FinCommand, Parameters, Simulator
 
 OUTPUTS = {
     'pose': PoseStamped, 'twist': TwistStamped, 'odom': Odometry, 'fin_wrench': WrenchStamped,
     'left_fin/wrench': WrenchStamped, 'right_fin/wrench': WrenchStamped,
+    'imu/data': Imu, 'pressure': FluidPressure,
 }
 FRAMES = {'pose': 'odom', 'odom': 'odom'}  # all others: base_link
 GAIT = [0.7, 0.4, 0.6, 0.5, 0.7, 0.3]
@@ -55,11 +58,13 @@ def vector(force_and_torque):
 def test_each_topic_has_its_type_and_there_are_no_others(heard, probe):
     taken, published = probe.topics_of('manta_sim')
     expected = {f'/{topic}': kind for topic, kind in OUTPUTS.items()} | {
-        '/clock': Clock, '/diagnostics': DiagnosticArray}
+        '/joint_states': JointState, '/fin_markers': MarkerArray, '/clock': Clock, '/diagnostics': DiagnosticArray}
+    published.pop('/tf', None)  # where tf2_msgs is installed
     assert published == {
         topic: f'{kind.__module__.split(".")[0]}/msg/{kind.__name__}' for topic, kind in expected.items()}
     assert taken == {
-        '/fin_command': 'std_msgs/msg/Float64MultiArray', '/set_pose': 'geometry_msgs/msg/PoseStamped'}
+        '/fin_command': 'std_msgs/msg/Float64MultiArray', '/set_pose': 'geometry_msgs/msg/PoseStamped',
+        '/current': 'geometry_msgs/msg/Vector3Stamped', '/body_wrench': 'geometry_msgs/msg/WrenchStamped'}
 
 
 def test_each_topic_is_reliable(heard, probe):

@@ -1,0 +1,126 @@
+"""What the node says of a state: all outputs carry one stamp, and the clock that announces them goes last."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+
+from builtin_interfaces.msg import Time
+from geometry_msgs.msg import PoseStamped, TransformStamped, TwistStamped, WrenchStamped
+from nav_msgs.msg import Odometry
+from rclpy.node import Node
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import FluidPressure, Imu, JointState
+from std_msgs.msg import Header
+from visualization_msgs.msg import MarkerArray
+
+from manta_sim_ros import messages
+from manta_sim_ros.dynamics import State
+from manta_sim_ros.dynamics.gait import SIDES
+from manta_sim_ros.markers import Markers
+from manta_sim_ros.parameters_ros import Settings
+from manta_sim_ros.qos import publisher
+from manta_sim_ros.sensors import read_imu, read_pressure
+
+PATH_LENGTH = 20.0
+"""Of the path that is shown [m]: some minutes of swimming."""
+
+ROUNDING = 1e-6  # of the outputs due, far above that of a time and far below a time step
+
+
+class Outputs:
+    """The publishers of the simulated robot.
+
+    Parameters
+    ----------
+    node
+        Whose topics they are.
+    settings
+        Gives the node's present parameters.
+    mean_current
+        Gives the mean velocity (3,) of the water, world frame [m/s].
+
+    """
+
+    def __init__(
+        self, node: Node, settings: Callable[[], Settings], mean_current: Callable[[], Sequence[float]],
+    ) -> None:
+        self._node, self._settings, self._mean_current = node, settings, mean_current
+        self._pose = publisher(node, PoseStamped, 'pose')
+        self._twist = publisher(node, TwistStamped, 'twist')
+        self._odometry = publisher(node, Odometry, 'odom')
+        self._wrench = publisher(node, WrenchStamped, 'fin_wrench')
+        self._fin_wrenches = [publisher(node, WrenchStamped, f'{side}_fin/wrench') for side in SIDES]
+        self._imu = publisher(node, Imu, 'imu/data')
+        self._pressure = publisher(node, FluidPressure, 'pressure')
+        self._joint_states = publisher(node, JointState, 'joint_states')
+        self._fin_markers = publisher(node, MarkerArray, 'fin_markers')
+        self._markers = Markers(PATH_LENGTH)
+        self._transform = _transform_publisher(node) if settings().node.publish_tf else None
+        self._clock = publisher(node, Clock, '/clock') if settings().node.publish_clock else None
+        self._before: State | None = None
+
+    @property
+    def another_clock(self) -> bool:
+        """Whether another node publishes /clock beside this one."""
+        return self._clock is not None and self._node.count_publishers(self._clock.topic_name) > 1
+
+    def stamp(self, state: State) -> Time:
+        """Return the stamp of a state: simulated time, or without /clock the node's own."""
+        if self._clock is not None:
+            return messages.time_message(state.time)
+        return self._node.get_clock().now().to_msg()
+
+    def publish(self, state: State) -> None:
+        """Publish all outputs of a state that are due, then the clock."""
+        settings, stamp = self._settings(), self.stamp(state)
+        model, own = settings.model, settings.node
+        odom, base = messages.header(stamp, own.odom_frame), messages.header(stamp, own.base_frame)
+        pose, twist = messages.pose_message(state, odom), messages.twist_message(state, base)
+        self._pose.publish(pose)
+        self._twist.publish(twist)
+        self._odometry.publish(messages.odometry_message(pose, twist))
+        self._wrench.publish(messages.wrench_message(state.wrench, base))
+        for of_fin, wrench in zip(self._fin_wrenches, state.fin_wrenches, strict=True):
+            of_fin.publish(messages.wrench_message(wrench, base))
+        self._imu.publish(messages.imu_message(read_imu(settings.imu, model, state), settings.imu, base))
+        self._pressure.publish(messages.pressure_message(
+            read_pressure(settings.pressure, model, state), settings.pressure.noise, base))
+        if self._transform is not None:
+            self._transform(messages.transform_message(pose, own.base_frame))
+        if self._due(state, own.joint_state_rate):
+            names = messages.joint_names(model, own.publish_fin_joints)
+            self._joint_states.publish(messages.joint_state_message(state, model, names, base))
+        if self._due(state, own.marker_rate):
+            self._show(state, odom, base)
+        if self._clock is not None:
+            self._clock.publish(messages.clock_message(stamp))
+        self._before = state
+
+    def _due(self, state: State, rate: float) -> bool:
+        """Whether an output with a rate of its own is due: a multiple of its period has come since the state before."""
+        if self._before is None or self._before.time == state.time:  # a new state at the same time was put there
+            return True
+        return math.floor(state.time * rate + ROUNDING) > math.floor(self._before.time * rate + ROUNDING)
+
+    def _show(self, state: State, odom: Header, base: Header) -> None:
+        """Publish the markers, if anybody looks."""
+        if self._before is None or self._before.start_time != state.start_time:  # it was put there, it did not swim
+            self._markers.forget()
+        if self._fin_markers.get_subscription_count():
+            self._fin_markers.publish(
+                self._markers.message(state, self._settings().model, base, odom, self._mean_current()))
+        else:
+            self._markers.forget()
+
+
+def _transform_publisher(node: Node) -> Callable[[TransformStamped], None] | None:
+    """Return what publishes a transform on /tf, or None without tf2_msgs."""
+    try:
+        from tf2_msgs.msg import TFMessage
+    except ImportError:
+        node.get_logger().info(
+            'no transform is published: tf2_msgs is not installed (install it, or set publish_tf to false)')
+        return None
+    on_tf = publisher(node, TFMessage, '/tf')
+    return lambda transform: on_tf.publish(TFMessage(transforms=[transform]))

@@ -1,0 +1,86 @@
+"""The transform from odom to base_link on /tf, where tf2_msgs is installed, and what is said where it is not."""
+
+import importlib.util
+import os
+
+import pytest
+from geometry_msgs.msg import TransformStamped
+from nav_msgs.msg import Odometry
+from rosgraph_msgs.msg import Clock
+
+INSTALLED = importlib.util.find_spec('tf2_msgs') is not None
+MISSING = 'no transform is published: tf2_msgs is not installed'
+STAND_IN = '''
+from geometry_msgs.msg import TransformStamped
+
+
+class TFMessage(TransformStamped):
+    """On the wire one transform where tf2_msgs has a list of them."""
+
+    def __init__(self, transforms):
+        (only,) = transforms
+        super().__init__(header=only.header, child_frame_id=only.child_frame_id, transform=only.transform)
+
+
+TFMessage.__name__, TFMessage.__module__ = TransformStamped.__name__, TransformStamped.__module__
+'''
+
+
+@pytest.fixture(params=['installed', 'stand-in'])
+def tf2_msgs(request, tmp_path):
+    """Environment of a node that finds tf2_msgs, its message type, and how to read a transform from it."""
+    if request.param == 'installed':
+        if not INSTALLED:
+            pytest.skip('tf2_msgs is not installed')
+        from tf2_msgs.msg import TFMessage
+        return {}, TFMessage, lambda message: message.transforms[0]
+    package = tmp_path / 'tf2_msgs'
+    package.mkdir()
+    (package / '__init__.py').touch()
+    (package / 'msg.py').write_text(STAND_IN, encoding='utf-8')
+    paths = [str(tmp_path), *filter(None, [os.environ.get('PYTHONPATH')])]
+    return {'PYTHONPATH': os.pathsep.join(paths)}, TransformStamped, lambda message: message
+
+
+def test_the_transform_is_the_pose_with_its_stamp_and_frames(launch, probe, tf2_msgs):
+    environment, message_type, transform_of = tf2_msgs
+    with probe.record(message_type, '/shown/tf') as heard, probe.record(Odometry, '/shown/odom') as odometry:
+        node = launch(
+            'sim_node', '-p odom_frame:=map -p base_frame:=manta -r __ns:=/shown -r /clock:=/shown/clock '
+            '-r /tf:=/shown/tf -p water.current:=[0.5,0.3,0.1]', environment=environment)
+        probe.until(lambda: len(heard) > 50 and len(odometry) > 50, 'transforms')
+    assert MISSING not in node.output
+    transforms = [transform_of(message) for message in heard]
+    stamps = [transform.header.stamp for transform in transforms]
+    poses = {(pose.header.stamp.sec, pose.header.stamp.nanosec): pose.pose.pose for pose in odometry}
+    compared = 0
+    for transform, stamp in zip(transforms, stamps):
+        assert (transform.header.frame_id, transform.child_frame_id) == ('map', 'manta')
+        pose = poses.get((stamp.sec, stamp.nanosec))
+        if pose is not None:
+            compared += 1
+            at = transform.transform.translation
+            assert (at.x, at.y, at.z) == (pose.position.x, pose.position.y, pose.position.z)
+            assert transform.transform.rotation == pose.orientation
+    assert compared > 40
+    assert poses and any(pose.position.x for pose in poses.values())
+    assert len({(stamp.sec, stamp.nanosec) for stamp in stamps}) == len(stamps)
+
+
+def test_with_publish_tf_false_there_is_none_and_nothing_is_said(launch, probe, tf2_msgs):
+    environment, _, _ = tf2_msgs
+    node = launch(
+        'sim_node', '-p publish_tf:=false -r __ns:=/quiet -r /clock:=/quiet/clock', environment=environment)
+    with probe.record(Clock, '/quiet/clock') as clock:
+        probe.until(lambda: clock, 'the clock')
+    _, published = probe.topics_of('manta_sim', '/quiet')
+    assert '/quiet/odom' in published and '/tf' not in published
+    assert MISSING not in node.output
+
+
+@pytest.mark.skipif(INSTALLED, reason='tf2_msgs is installed')
+def test_without_tf2_msgs_one_line_says_so_and_all_else_goes_on(launch, probe):
+    with probe.record(Odometry, '/without/odom') as odometry:
+        node = launch('sim_node', '-r __ns:=/without -r /clock:=/without/clock')
+        probe.until(lambda: len(odometry) > 100, 'odometry')
+    assert node.output.count(MISSING) == 1
