@@ -11,8 +11,10 @@ setup(
     data_files=[
         ('share/ament_index/resource_index/packages', ['resource/' + package_name]),
         ('share/' + package_name, ['package.xml']),
-        ('share/' + package_name + '/config', sorted(glob('config/*.yaml'))),
+        ('share/' + package_name + '/config', sorted(glob('config/*'))),
         ('share/' + package_name + '/launch', sorted(glob('launch/*.launch.py'))),
+        ('share/' + package_name + '/rviz', sorted(glob('rviz/*.rviz'))),
+        ('share/' + package_name + '/urdf', sorted(glob('urdf/*.xacro'))),
     ],
     install_requires=['matplotlib', 'numba', 'numpy', 'pillow', 'PyYAML', 'scipy', 'setuptools', 'tqdm'],
     extras_require={'test': ['hypothesis', 'pytest']},

@@ -1,31 +1,160 @@
-"""Start the simulator and, unless told otherwise, the example controller beside it."""
+"""Start the simulator and, as the arguments say, the example controller, the robot's frames, RViz and a recording."""
+from datetime import datetime
+from importlib.util import find_spec
+from os import environ
+from pathlib import Path
+
+import yaml
+from ament_index_python.packages import PackageNotFoundError, get_package_prefix, get_package_share_path
 from launch import LaunchDescription
-from launch.actions import DeclareLaunchArgument
-from launch.conditions import IfCondition
+from launch.actions import DeclareLaunchArgument, ExecuteProcess, OpaqueFunction, Shutdown
 from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
 from launch_ros.actions import Node
 from launch_ros.substitutions import FindPackageShare
+from launch_ros.utilities import make_namespace_absolute, prefix_namespace
+
+BOOLEANS = ['true', 'false', 'True', 'False']
+NEEDED = {
+    'rviz': ['rviz2'],
+    'robot_state_publisher': ['robot_state_publisher', 'xacro'],
+    'record': ['ros2bag', 'rosbag2_storage_mcap'],
+}
+RECORDED = [
+    'fin_command', 'set_pose', 'current', 'body_wrench', 'pose', 'twist', 'odom', 'fin_wrench', 'left_fin/wrench',
+    'right_fin/wrench', 'imu/data', 'pressure', 'joint_states', 'fin_markers', 'robot_description', '/clock',
+    '/diagnostics', '/tf', '/tf_static',
+]
 
 
 def generate_launch_description():
-    default_config = PathJoinSubstitution([FindPackageShare('manta_sim_ros'), 'config', 'manta.yaml'])
+    share = FindPackageShare('manta_sim_ros')
     return LaunchDescription([
-        DeclareLaunchArgument('namespace', default_value='', description='Namespace of both nodes'),
-        DeclareLaunchArgument('config', default_value=default_config, description='Parameter file of the simulator'),
-        DeclareLaunchArgument('gait', default_value='true', description='Whether to start gait_node: true or false'),
-        Node(
-            package='manta_sim_ros',
-            executable='sim_node',
-            namespace=LaunchConfiguration('namespace'),
-            parameters=[LaunchConfiguration('config')],
-            output='screen',
-        ),
-        Node(
-            package='manta_sim_ros',
-            executable='gait_node',
-            namespace=LaunchConfiguration('namespace'),
-            parameters=[{'use_sim_time': True}],
-            output='screen',
-            condition=IfCondition(LaunchConfiguration('gait')),
-        ),
+        DeclareLaunchArgument('namespace', default_value='', description='namespace of all nodes'),
+        DeclareLaunchArgument('config', default_value=PathJoinSubstitution([share, 'config', 'manta.yaml']),
+                              description='parameter file of the simulator'),
+        DeclareLaunchArgument('gait', default_value='true', choices=BOOLEANS,
+                              description='start gait_node, the example controller'),
+        DeclareLaunchArgument('initial_position', default_value='',
+                              description='where it starts, such as [0, 3, -1] in m; empty: as in config'),
+        DeclareLaunchArgument('initial_yaw', default_value='',
+                              description='heading there in rad; empty: as in config'),
+        DeclareLaunchArgument('real_time_factor', default_value='',
+                              description='simulated time over elapsed time; empty: as in config'),
+        DeclareLaunchArgument('publish_clock', default_value='', choices=['', *BOOLEANS],
+                              description='false: follow the /clock of another robot; empty: as in config'),
+        DeclareLaunchArgument('odom_frame', default_value='', description='world frame; empty: as in config'),
+        DeclareLaunchArgument('base_frame', default_value='',
+                              description='body frame, such as manta_1/base_link; empty: as in config'),
+        DeclareLaunchArgument('rviz', default_value='false', choices=BOOLEANS, description='start RViz'),
+        DeclareLaunchArgument('rviz_config', default_value=PathJoinSubstitution([share, 'rviz', 'manta.rviz']),
+                              description='what RViz shows'),
+        DeclareLaunchArgument('robot_state_publisher', default_value=LaunchConfiguration('rviz'), choices=BOOLEANS,
+                              description='publish robot_description and the frames of rods and supports'),
+        DeclareLaunchArgument('record', default_value='false', choices=BOOLEANS,
+                              description='record all topics of the robot to MCAP, stamped with simulated time'),
+        DeclareLaunchArgument('bag', default_value='',
+                              description='directory of the recording; empty: rosbag2_ with date, time and namespace'),
+        OpaqueFunction(function=processes),
     ])
+
+
+def processes(context):
+    """Return all processes, or raise an error before any is started."""
+    def value(name):
+        return LaunchConfiguration(name).perform(context)
+
+    def wanted(name):
+        return value(name).lower() == 'true'
+
+    config = Path(value('config')).expanduser().absolute()
+    if not config.is_file():  # launch would warn and start the simulator without it
+        raise RuntimeError(f'config is {str(config)!r}, but there is no such file')
+    require(filter(wanted, NEEDED))
+    overrides = {frame: value(frame) for frame in ('odom_frame', 'base_frame') if value(frame)}
+    overrides |= {name: number(name, value(name)) for name in ('real_time_factor', 'initial_yaw') if value(name)}
+    if value('initial_position'):
+        overrides['initial_position'] = position(value('initial_position'))
+    if value('publish_clock'):
+        overrides |= {'publish_clock': wanted('publish_clock'), 'use_sim_time': not wanted('publish_clock')}
+    if wanted('robot_state_publisher'):
+        overrides['publish_fin_joints'] = True
+    simulated_time = {'use_sim_time': True}
+
+    def node(package, executable, *parameters, **options):
+        return Node(package=package, executable=executable, namespace=value('namespace'),
+                    parameters=list(parameters), output='screen', **options)
+
+    started = [node('manta_sim_ros', 'sim_node', str(config), overrides, on_exit=Shutdown(reason='sim_node ended'))]
+    if wanted('gait'):
+        started.append(node('manta_sim_ros', 'gait_node', simulated_time))
+    if wanted('robot_state_publisher'):
+        started.append(node('robot_state_publisher', 'robot_state_publisher', simulated_time, {
+            'robot_description': urdf(config, value('base_frame')), 'publish_frequency': 100.0}))
+    if wanted('rviz'):
+        started.append(node('rviz2', 'rviz2', simulated_time, arguments=['-d', value('rviz_config')]))
+    if wanted('record'):
+        namespace = make_namespace_absolute(
+            prefix_namespace(context.launch_configurations.get('ros_namespace'), value('namespace')) or '/')
+        started.append(recorder(namespace, value('bag')))
+    return started
+
+
+def number(name, text):
+    """Return the value of an argument as a number with a decimal point, which ROS 2 wants for 2 too."""
+    try:
+        return float(text)
+    except ValueError:
+        raise RuntimeError(f'{name} is {text!r}, but must be a number') from None
+
+
+def position(text):
+    """Return the value of `initial_position`: three numbers with a decimal point each."""
+    try:
+        x, y, z = yaml.safe_load(text)
+        return [float(x), float(y), float(z)]
+    except (TypeError, ValueError, yaml.YAMLError):
+        raise RuntimeError(f'initial_position is {text!r}, but must be three numbers, such as [0, 3, -1]') from None
+
+
+def urdf(config, base_frame):
+    """Return the URDF of the robot that a parameter file describes."""
+    import xacro
+
+    path = get_package_share_path('manta_sim_ros') / 'urdf' / 'manta.urdf.xacro'
+    try:
+        return xacro.process_file(str(path), mappings={'config': str(config), 'base_frame': base_frame}).toxml()
+    except xacro.XacroException as error:
+        raise RuntimeError(f'no robot can be made of {config}: {" ".join(str(error).split())}') from error
+
+
+def recorder(namespace, bag):
+    """Return the process that records the topics of the robot in a namespace."""
+    root = namespace.rstrip('/')
+    suffix = root.replace('/', '_')
+    bag = bag or f'rosbag2_{datetime.now():%Y_%m_%d-%H_%M_%S}{suffix}'
+    if Path(bag).exists():
+        raise RuntimeError(f'bag is {bag!r}, but that exists already')
+    return ExecuteProcess(
+        cmd=['ros2', 'bag', 'record', '--use-sim-time', '--disable-keyboard-controls', '--storage', 'mcap',
+             '--output', bag, '--node-name', f'rosbag2_recorder{suffix}',
+             '--topics', *(topic if topic.startswith('/') else f'{root}/{topic}' for topic in RECORDED)],
+        output='screen')
+
+
+def require(arguments):
+    """Raise an error that names what these arguments need and is not installed."""
+    lacking = {argument: [package for package in NEEDED[argument] if not installed(package)] for argument in arguments}
+    missing = [package for packages in lacking.values() for package in packages]
+    if missing:
+        distribution = environ.get('ROS_DISTRO', '<distribution>')
+        names = [f'ros-{distribution}-{package.replace("_", "-")}' for package in missing]
+        raise RuntimeError(f'{" and ".join(filter(lacking.get, lacking))} cannot be without {", ".join(missing)}, '
+                           f'not installed here: apt install {" ".join(names)}')
+
+
+def installed(package):
+    """Whether a ROS package, or a Python package of its name, is installed."""
+    try:
+        return bool(get_package_prefix(package))
+    except PackageNotFoundError:
+        return find_spec(package) is not None

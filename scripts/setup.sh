@@ -190,7 +190,7 @@ fi
 
 # -- the package
 
-sources() { find package.xml setup.py setup.cfg resource config launch manta_sim_ros -type f ! -name '*.pyc' ! -name '*.nb[ci]' -print0; }
+sources() { find package.xml setup.py setup.cfg resource config launch rviz urdf manta_sim_ros -type f ! -name '*.pyc' ! -name '*.nb[ci]' -print0; }
 build_key=$({ echo "$runtime_key"; sources | LC_ALL=C sort -z | xargs -0 sha256sum; } | digest)
 build_stamp=install/$distribution/build.stamp
 if [ -n "$build" ] && [ "$(cat "$build_stamp" 2>/dev/null)" != "$build_key" ]; then
