@@ -58,7 +58,13 @@ class Outputs:
         self._markers = Markers(PATH_LENGTH)
         self._transform = _transform_publisher(node) if settings().node.publish_tf else None
         self._clock = publisher(node, Clock, '/clock') if settings().node.publish_clock else None
+        self._transformed_at: Time | None = None  # tf2 takes no second one of a time, as a slow clock of others has
         self._before: State | None = None
+
+    @property
+    def lacks_transform(self) -> bool:
+        """Whether the transform is wanted, but tf2_msgs is not installed."""
+        return self._transform is None and self._settings().node.publish_tf
 
     @property
     def another_clock(self) -> bool:
@@ -86,8 +92,9 @@ class Outputs:
         self._imu.publish(messages.imu_message(read_imu(settings.imu, model, state), settings.imu, base))
         self._pressure.publish(messages.pressure_message(
             read_pressure(settings.pressure, model, state), settings.pressure.noise, base))
-        if self._transform is not None:
+        if self._transform is not None and stamp != self._transformed_at:
             self._transform(messages.transform_message(pose, own.base_frame))
+            self._transformed_at = stamp
         if self._due(state, own.joint_state_rate):
             names = messages.joint_names(model, own.publish_fin_joints)
             self._joint_states.publish(messages.joint_state_message(state, model, names, base))
@@ -119,8 +126,6 @@ def _transform_publisher(node: Node) -> Callable[[TransformStamped], None] | Non
     try:
         from tf2_msgs.msg import TFMessage
     except ImportError:
-        node.get_logger().info(
-            'no transform is published: tf2_msgs is not installed (install it, or set publish_tf to false)')
         return None
     on_tf = publisher(node, TFMessage, '/tf')
     return lambda transform: on_tf.publish(TFMessage(transforms=[transform]))

@@ -68,6 +68,9 @@ class SimNode(Node):
 
     def start(self) -> None:
         """Compile or load the dynamics, and begin to simulate."""
+        if self._outputs.lacks_transform:
+            self.get_logger().info(
+                'no transform is published: tf2_msgs is not installed (install it, or set publish_tf to false)')
         prepare(self._settings.model, self.get_logger().info)
         self._set_pace()
 

@@ -16,7 +16,8 @@ SWIM = [0.7, 0.7, 0.6, 0.6, 0.7, 0.7]
 WELL = Health(
     time=12.5, paused=False, wanted_factor=1.0, reached_factor=1.0, computing=2.7e-5, command_age=0.1, timed_out=False,
     refused=0, refused_lately=0, reason='', current=np.zeros(3), pushed=False, disturbances_refused=0,
-    disturbances_refused_lately=0, disturbances_reason='', diverged_lately=False, finite=True, time_step=0.002, largest_step=0.0049)
+    disturbances_refused_lately=0, disturbances_reason='', diverged_lately=False, finite=True, time_step=0.002,
+    largest_step=0.0049)
 
 
 def by_matter(messages):
