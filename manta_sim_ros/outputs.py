@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+import time
+from collections.abc import Callable, Iterable, Sequence
 
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import PoseStamped, TransformStamped, TwistStamped, WrenchStamped
 from nav_msgs.msg import Odometry
+from rclpy.duration import Duration
 from rclpy.node import Node
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import FluidPressure, Imu, JointState
@@ -19,11 +21,14 @@ from manta_sim_ros.dynamics import State
 from manta_sim_ros.dynamics.gait import SIDES
 from manta_sim_ros.markers import Markers
 from manta_sim_ros.parameters_ros import Settings
-from manta_sim_ros.qos import publisher
+from manta_sim_ros.qos import QUEUE_DEPTH, publisher
 from manta_sim_ros.sensors import read_imu, read_pressure
 
 PATH_LENGTH = 20.0
 """Of the path that is shown [m]: some minutes of swimming."""
+
+PATIENCE = 2.0
+"""With subscribers that take nothing [s]."""
 
 ROUNDING = 1e-6  # of the outputs due, far above that of a time and far below a time step
 
@@ -58,6 +63,9 @@ class Outputs:
         self._markers = Markers(PATH_LENGTH)
         self._transform = _transform_publisher(node) if settings().node.publish_tf else None
         self._clock = publisher(node, Clock, '/clock') if settings().node.publish_clock else None
+        self._publishers = [
+            self._pose, self._twist, self._odometry, self._wrench, *self._fin_wrenches, self._imu, self._pressure,
+            self._joint_states, self._fin_markers, *filter(None, [self._clock])]
         self._transformed_at: Time | None = None  # tf2 takes no second one of a time, as a slow clock of others has
         self._before: State | None = None
 
@@ -76,6 +84,21 @@ class Outputs:
         if self._clock is not None:
             return messages.time_message(state.time)
         return self._node.get_clock().now().to_msg()
+
+    def publish_all(self, states: Iterable[State]) -> None:
+        """Publish the outputs of states that follow each other at once, so that no subscriber loses any.
+
+        Each time that the queues are full it waits until all subscribers have taken what is in them, but not for ever:
+        after `PATIENCE` who has not yet is no longer waited for.
+        """
+        waiting = True
+        for number, state in enumerate(states, start=1):
+            self.publish(state)
+            if number % QUEUE_DEPTH == 0 and waiting:
+                deadline = time.monotonic() + PATIENCE
+                waiting = all(
+                    each.wait_for_all_acked(Duration(seconds=max(0.0, deadline - time.monotonic())))
+                    for each in self._publishers)
 
     def publish(self, state: State) -> None:
         """Publish all outputs of a state that are due, then the clock."""

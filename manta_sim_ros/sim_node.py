@@ -62,7 +62,7 @@ class SimNode(Node):
         self._commands = subscription(self, Float64MultiArray, 'fin_command', self._take_command)
         self._disturbances = Disturbances(self, self._robot, lambda: self._settings)
         self._time = TimeControl(
-            self, self._robot, lambda: self._settings, self._outputs.publish, self._set_pace, self._forget_inputs)
+            self, self._robot, lambda: self._settings, self._outputs.publish_all, self._set_pace, self._forget_inputs)
         self.add_on_set_parameters_callback(self._check_parameters)
         self.add_post_set_parameters_callback(self._apply_parameters)
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 
 from geometry_msgs.msg import PoseStamped
 from rclpy.node import Node
@@ -29,7 +29,7 @@ class TimeControl:
     settings
         Gives the node's present parameters.
     publish
-        Publishes the outputs of a state.
+        Publishes the outputs of states that follow each other.
     resume
         Called when time begins to run again.
     forget_inputs
@@ -38,7 +38,7 @@ class TimeControl:
     """
 
     def __init__(
-        self, node: Node, robot: Robot, settings: Callable[[], Settings], publish: Callable[[State], None],
+        self, node: Node, robot: Robot, settings: Callable[[], Settings], publish: Callable[[Iterable[State]], None],
         resume: Callable[[], None], forget_inputs: Callable[[], None],
     ) -> None:
         self._node, self._robot, self._settings = node, robot, settings
@@ -66,8 +66,7 @@ class TimeControl:
         except ValueError as error:
             response.message = str(error)
             return response
-        for state in states:
-            self._publish(state)
+        self._publish(states)
         response.success, response.message = True, f'stepped to {self._now}'
         return response
 
@@ -87,7 +86,7 @@ class TimeControl:
 
     def _put(self, state: State) -> None:
         if self.paused:  # nobody would see it until the next step
-            self._publish(state)
+            self._publish([state])
 
     @property
     def _now(self) -> str:

@@ -1,4 +1,4 @@
-"""The markers on the topic: of the state that its stamp says, at their rate, and only made while somebody looks."""
+"""The markers on the topic: of the state that its stamp says, at their rate; the path begins anew after a reset."""
 
 import numpy as np
 import pytest
@@ -6,9 +6,6 @@ from visualization_msgs.msg import Marker, MarkerArray
 
 from held import Held
 from manta_sim_ros.dynamics import FinCommand, Parameters, Simulator, fin_surfaces
-from manta_sim_ros.markers import Markers
-from manta_sim_ros.outputs import Outputs
-from manta_sim_ros.parameters_ros import Settings
 
 SWIM = [0.7, 0.7, 0.6, 0.6, 0.7, 0.7]
 PARAMETERS = Parameters()
@@ -72,26 +69,3 @@ def test_the_path_grows_as_it_swims_and_begins_anew_after_a_reset(robot):
     assert robot.trigger('reset').success
     robot.probe.until(lambda: len(robot.markers) > heard, 'markers of the reset')  # at once, whatever their rate
     assert by_name(robot.markers[-1])['path', 0].action == Marker.DELETE
-
-
-def test_nothing_is_made_while_nobody_subscribes(probe, monkeypatch):
-    made, forgotten = [], []
-    message, forget = Markers.message, Markers.forget
-    monkeypatch.setattr(Markers, 'message', lambda *arguments: made.append(1) or message(*arguments))
-    monkeypatch.setattr(Markers, 'forget', lambda markers: forgotten.append(1) or forget(markers))
-    settings, simulator = Settings(), Simulator(PARAMETERS)
-    outputs = Outputs(probe.node, lambda: settings, lambda: (0.0, 0.0, 0.0))
-    for _ in range(50):
-        outputs.publish(simulator.advance(0.01))
-    assert not made
-    with probe.record(MarkerArray, 'fin_markers') as heard:
-        def publish():
-            outputs.publish(simulator.advance(0.01))
-        probe.until(lambda: len(heard) > 2, 'markers', doing=publish, every=0.0)
-        assert len(made) >= len(heard)
-    probe.until(lambda: not probe.node.count_subscribers('fin_markers'), 'the end of the subscription')
-    made.clear()
-    forgotten.clear()
-    for _ in range(50):
-        publish()
-    assert not made and len(forgotten) == 5

@@ -77,6 +77,16 @@ def test_a_step_takes_exactly_its_duration_with_all_outputs_of_it(held, duration
         assert held.odometry.stamps[-len(ticks):] == held.clock.stamps[heard:] == held.wrench.stamps[-len(ticks):]
 
 
+def test_a_long_step_loses_no_message_of_any_topic(held):
+    assert held.set_parameter('step_duration', 20.0).successful
+    heard = len(held.clock)
+    began, end = held.clock.stamps[-1], held.step()
+    expected = [began + tick * TICK for tick in range(1, 2001)]
+    assert end == expected[-1]
+    assert held.clock.stamps[heard:] == expected
+    assert held.odometry.stamps[-2000:] == held.wrench.stamps[-2000:] == expected
+
+
 def test_a_step_of_no_whole_number_of_time_steps_is_refused(held):
     assert held.set_parameter('step_duration', 0.005).successful
     answer = held.trigger('step')

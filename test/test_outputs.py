@@ -1,0 +1,67 @@
+"""The outputs of a node in this process: what is not done for nobody, and what is waited for."""
+
+import pytest
+from rclpy.publisher import Publisher
+from visualization_msgs.msg import MarkerArray
+
+from manta_sim_ros.dynamics import Simulator
+from manta_sim_ros.markers import Markers
+from manta_sim_ros.outputs import PATIENCE, Outputs
+from manta_sim_ros.parameters_ros import Settings
+from manta_sim_ros.qos import QUEUE_DEPTH
+
+
+@pytest.fixture
+def simulator():
+    return Simulator()
+
+
+@pytest.fixture
+def outputs(probe):
+    settings = Settings()
+    return Outputs(probe.node, lambda: settings, lambda: (0.0, 0.0, 0.0))
+
+
+def test_nothing_is_made_while_nobody_subscribes(outputs, simulator, probe, monkeypatch):
+    made, forgotten = [], []
+    message, forget = Markers.message, Markers.forget
+    monkeypatch.setattr(Markers, 'message', lambda *arguments: made.append(1) or message(*arguments))
+    monkeypatch.setattr(Markers, 'forget', lambda markers: forgotten.append(1) or forget(markers))
+    for _ in range(50):
+        outputs.publish(simulator.advance(0.01))
+    assert not made
+    with probe.record(MarkerArray, 'fin_markers') as heard:
+        def publish():
+            outputs.publish(simulator.advance(0.01))
+        probe.until(lambda: len(heard) > 2, 'markers', doing=publish, every=0.0)
+        assert len(made) >= len(heard)
+    probe.until(lambda: not probe.node.count_subscribers('fin_markers'), 'the end of the subscription')
+    made.clear()
+    forgotten.clear()
+    for _ in range(50):
+        publish()
+    assert not made and len(forgotten) == 5
+
+
+@pytest.mark.parametrize('all_taken', [True, False])
+def test_each_time_that_the_queues_are_full_all_subscribers_are_waited_for_unless_they_take_too_long(
+        outputs, simulator, monkeypatch, all_taken):
+    done, published = [], []
+    publish = Outputs.publish
+
+    def wait(publisher, timeout):
+        assert 0.0 <= timeout.nanoseconds * 1e-9 <= PATIENCE
+        done.append((len(published), publisher.topic_name))
+        return all_taken
+
+    monkeypatch.setattr(Publisher, 'wait_for_all_acked', wait)
+    monkeypatch.setattr(Outputs, 'publish', lambda self, state: (published.append(state), publish(self, state)))
+    outputs.publish_all(simulator.advance(0.01) for _ in range(35))
+    assert len(published) == 35
+    topics = {'/pose', '/twist', '/odom', '/fin_wrench', '/left_fin/wrench', '/right_fin/wrench', '/imu/data',
+              '/pressure', '/joint_states', '/fin_markers', '/clock'}
+    if all_taken:
+        waited = {number: {topic for at, topic in done if at == number} for number, _ in done}
+        assert waited == {QUEUE_DEPTH: topics, 2 * QUEUE_DEPTH: topics, 3 * QUEUE_DEPTH: topics}
+    else:
+        assert [number for number, _ in done] == [QUEUE_DEPTH]
