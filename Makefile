@@ -3,7 +3,7 @@
 #   ROS=kilted|jazzy   the ROS 2 distribution (kilted, or the one that is sourced)
 #   PYTHON=...         the interpreter to make the virtual environment with
 #   DURATION=20        seconds of `make sim` (until Ctrl-C)
-#   PYTEST_ARGS='...'  more arguments for pytest
+#   PYTEST_ARGS='...'  more arguments for pytest ('-n 0': all tests in one process, for --pdb or -s)
 
 export ROS PYTHON DURATION
 VENV := $(if $(filter-out kilted,$(ROS)),.venv-$(ROS),.venv)
@@ -17,8 +17,8 @@ help:  ## say what there is
 sim:  ## swim: straight, then a turn
 	@scripts/setup.sh -- scripts/sim.sh
 
-test:  ## run every test on the built package
-	@env -u ROS_DOMAIN_ID scripts/setup.sh --dev -- pytest $(PYTEST_ARGS)
+test:  ## run every test on the built package, in two processes
+	@env -u ROS_DOMAIN_ID scripts/setup.sh --dev -- pytest -n 2 --dist loadfile $(PYTEST_ARGS)
 
 lint:  ## ruff, mypy, package.xml
 	@scripts/setup.sh --dev --no-build -- scripts/lint.sh

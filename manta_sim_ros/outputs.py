@@ -27,7 +27,7 @@ from manta_sim_ros.sensors import read_imu, read_pressure
 PATH_LENGTH = 20.0
 """Of the path that is shown [m]: some minutes of swimming."""
 
-PATIENCE = 2.0
+PATIENCE = 5.0
 """With subscribers that take nothing [s]."""
 
 ROUNDING = 1e-6  # of the outputs due, far above that of a time and far below a time step
@@ -129,9 +129,10 @@ class Outputs:
 
     def _due(self, state: State, rate: float) -> bool:
         """Whether an output with a rate of its own is due: a multiple of its period has come since the state before."""
-        if self._before is None or self._before.time == state.time:  # a new state at the same time was put there
+        before = 0.0 if self._before is None else self._before.time
+        if before == state.time:  # it was put there, which nobody knows yet
             return True
-        return math.floor(state.time * rate + ROUNDING) > math.floor(self._before.time * rate + ROUNDING)
+        return math.floor(state.time * rate + ROUNDING) > math.floor(before * rate + ROUNDING)
 
     def _show(self, state: State, odom: Header, base: Header) -> None:
         """Publish the markers, if anybody looks."""

@@ -28,14 +28,15 @@ def run_node(
 
     Ends the process with status 1 and one line on standard error when ROS 2 arguments or a parameter are bad.
     """
-    spinning = False
+    spinning = interrupted = False
 
     def interrupt(signum: int, frame: FrameType | None) -> None:
+        nonlocal interrupted
         if not spinning:  # maybe in the middle of a compilation, which an exception does not get out of
             os._exit(0)
-        raise KeyboardInterrupt
+        interrupted = True  # an exception from here, in the middle of rclpy, would come out as any other
 
-    for ending in (signal.SIGINT, signal.SIGTERM):  # rclpy's own handlers call these
+    for ending in (signal.SIGINT, signal.SIGTERM):  # rclpy's own handlers shut its context down and call these
         signal.signal(ending, interrupt)
     try:
         _or_exit(lambda: rclpy.init(args=args))
@@ -45,6 +46,9 @@ def run_node(
         spin(node)
     except (KeyboardInterrupt, ExternalShutdownException):
         pass
+    except Exception:
+        if not interrupted:  # else whatever was on its way through rclpy found no context
+            raise
     finally:
         spinning = False  # a second signal must not interrupt the end
         rclpy.try_shutdown()

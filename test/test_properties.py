@@ -46,7 +46,7 @@ def group(name, moderate):
         elif known.kind is str:
             values[field] = st.sampled_from(known.choices)
         elif known.kind is int:
-            values[field] = st.integers(int(known.low), SMALL[field])
+            values[field] = st.integers(int(known.low), SMALL.get(field, int(known.high)))
         else:
             low, high = known.low, min(known.high, EXTENT.get(f'{name}.{field}', math.inf)) if moderate else known.high
             one = number(low, high)

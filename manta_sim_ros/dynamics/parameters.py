@@ -126,12 +126,15 @@ class Water(Group):
         'a steady current in the paper',
     )
     current_correlation_time: float = quantity(
-        10.0, 's', 0.01, 1e6, 'time in which the deviation of the current forgets all but 1/e of itself', 'chosen',
+        10.0, 's', 0.01, 1e6, 'time in which the deviation of the current forgets all but 1/e of itself',
+        'a steady current in the paper',
     )
-    current_seed: int = quantity(0, '', 0, 10**9, 'seed of the deviation of the current', 'chosen')
+    current_seed: int = quantity(
+        0, '', 0, 10**9, 'seed of the deviation of the current', 'a steady current in the paper',
+    )
     surface_height: float = quantity(
         5.0, 'm', -1e5, 1e5, 'height of the surface of the water, world frame; depth is measured from it',
-        'chosen: the origin is in the water',
+        'no surface in the paper; the origin is in the water',
     )
     added_mass_coefficient: float = quantity(
         0.0, '', 0.0, 10.0,
