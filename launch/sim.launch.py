@@ -38,6 +38,8 @@ def generate_launch_description():
                               description='where it starts, such as [0, 3, -1] in m; empty: as in config'),
         DeclareLaunchArgument('initial_yaw', default_value='',
                               description='heading there in rad; empty: as in config'),
+        DeclareLaunchArgument('sensor_seed', default_value='',
+                              description='seed of the noise of its sensors; empty: as in config'),
         DeclareLaunchArgument('real_time_factor', default_value='',
                               description='simulated time over elapsed time; empty: as in config'),
         DeclareLaunchArgument('publish_clock', default_value='', choices=['', *BOOLEANS],
@@ -72,6 +74,8 @@ def processes(context):
     require(filter(wanted, NEEDED))
     overrides = {frame: value(frame) for frame in ('odom_frame', 'base_frame') if value(frame)}
     overrides |= {name: number(name, value(name)) for name in ('real_time_factor', 'initial_yaw') if value(name)}
+    if value('sensor_seed'):
+        overrides |= dict.fromkeys(['imu.seed', 'pressure.seed'], whole('sensor_seed', value('sensor_seed')))
     if value('initial_position'):
         overrides['initial_position'] = position(value('initial_position'))
     if value('publish_clock'):
@@ -105,6 +109,14 @@ def number(name, text):
         return float(text)
     except ValueError:
         raise RuntimeError(f'{name} is {text!r}, but must be a number') from None
+
+
+def whole(name, text):
+    """Return the value of an argument as a whole number."""
+    try:
+        return int(text)
+    except ValueError:
+        raise RuntimeError(f'{name} is {text!r}, but must be a whole number') from None
 
 
 def position(text):

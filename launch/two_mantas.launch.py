@@ -29,7 +29,7 @@ def generate_launch_description():
                               description='record each robot to a bag of its own'),
         robot('manta_1', publish_clock='true', rviz=rviz, robot_state_publisher=rviz,
               rviz_config=PathJoinSubstitution([SHARE, 'rviz', 'two_mantas.rviz'])),
-        robot('manta_2', publish_clock='false', initial_position=APART,
+        robot('manta_2', publish_clock='false', initial_position=APART, sensor_seed='1',
               robot_state_publisher=rviz, rviz='false'),  # set one after the other
         controller('manta_1', STRAIGHT),
         controller('manta_2', LEFT_CIRCLE),

@@ -44,10 +44,10 @@ SHORTEST_ARROW = 0.001
 
 PATH_WIDTH = 0.01
 """Width of the line [m]."""
-PATH_SPACING = 0.1
+PATH_SPACING = 0.05
 """Least distance of two points of the path [m]."""
 
-BODY_POINTS = 17
+BODY_POINTS = 13
 """Points around each section of the body, the last on the first."""
 
 

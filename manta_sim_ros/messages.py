@@ -1,4 +1,4 @@
-"""From a state to ROS messages: pure functions, and the one place that stamps. Units and frames as in `State`."""
+"""From a state to ROS messages and back to what messages ask for: pure functions, and the one place that stamps."""
 
 from __future__ import annotations
 
@@ -29,14 +29,14 @@ from std_msgs.msg import Header
 from manta_sim_ros import sensors
 from manta_sim_ros.dynamics import FinCommand, Parameters, State
 from manta_sim_ros.dynamics.gait import SIDES
+from manta_sim_ros.dynamics.parameters import Water, quantities
 from manta_sim_ros.dynamics.surface import rod_rates, support_angles, support_rates
+from manta_sim_ros.parameters_ros import FARTHEST
 
 NANOSECONDS = 1_000_000_000
 
-FARTHEST = 1e6
-"""Bound of a coordinate that the robot is put at [m]: a double still tells tenths of a nanometre there."""
-FASTEST_CURRENT = 10.0
-"""Bound of each component of a current [m/s]: that of `water.current`."""
+FASTEST_CURRENT = dict(quantities(Water))['current'].high
+"""Bound of each component of a current [m/s]."""
 LARGEST_FORCE, LARGEST_MOMENT = 1e6, 1e6
 """Bounds of each component of a wrench on the body [N, N m]: beyond what moves ships."""
 UNIT_TOLERANCE = 0.01

@@ -5,12 +5,14 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Iterable, Sequence
+from typing import Any
 
 from builtin_interfaces.msg import Time
-from geometry_msgs.msg import PoseStamped, TransformStamped, TwistStamped, WrenchStamped
+from geometry_msgs.msg import PoseStamped, TwistStamped, WrenchStamped
 from nav_msgs.msg import Odometry
 from rclpy.duration import Duration
 from rclpy.node import Node
+from rclpy.publisher import Publisher
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import FluidPressure, Imu, JointState
 from std_msgs.msg import Header
@@ -61,18 +63,18 @@ class Outputs:
         self._joint_states = publisher(node, JointState, 'joint_states')
         self._fin_markers = publisher(node, MarkerArray, 'fin_markers')
         self._markers = Markers(PATH_LENGTH)
-        self._transform = _transform_publisher(node) if settings().node.publish_tf else None
+        self._transforms = _transform_publisher(node) if settings().node.publish_tf else None
         self._clock = publisher(node, Clock, '/clock') if settings().node.publish_clock else None
         self._publishers = [
             self._pose, self._twist, self._odometry, self._wrench, *self._fin_wrenches, self._imu, self._pressure,
-            self._joint_states, self._fin_markers, *filter(None, [self._clock])]
+            self._joint_states, self._fin_markers, *filter(None, [self._transforms, self._clock])]
         self._transformed_at: Time | None = None  # tf2 takes no second one of a time, as a slow clock of others has
         self._before: State | None = None
 
     @property
     def lacks_transform(self) -> bool:
         """Whether the transform is wanted, but tf2_msgs is not installed."""
-        return self._transform is None and self._settings().node.publish_tf
+        return self._transforms is None and self._settings().node.publish_tf
 
     @property
     def another_clock(self) -> bool:
@@ -86,10 +88,10 @@ class Outputs:
         return self._node.get_clock().now().to_msg()
 
     def publish_all(self, states: Iterable[State]) -> None:
-        """Publish the outputs of states that follow each other at once, so that no subscriber loses any.
+        """Publish the outputs of states that follow each other at once, without losing any on the way.
 
-        Each time that the queues are full it waits until all subscribers have taken what is in them, but not for ever:
-        after `PATIENCE` who has not yet is no longer waited for.
+        Each time that the queues of `QUEUE_DEPTH` are full it waits until the reliable subscribers have what is in them
+        in their own queues. If that once takes longer than `PATIENCE`, nobody is waited for any more.
         """
         waiting = True
         for number, state in enumerate(states, start=1):
@@ -115,9 +117,12 @@ class Outputs:
         self._imu.publish(messages.imu_message(read_imu(settings.imu, model, state), settings.imu, base))
         self._pressure.publish(messages.pressure_message(
             read_pressure(settings.pressure, model, state), settings.pressure.noise, base))
-        if self._transform is not None and stamp != self._transformed_at:
-            self._transform(messages.transform_message(pose, own.base_frame))
+        if self._transforms is not None and stamp != self._transformed_at:
+            transform = messages.transform_message(pose, own.base_frame)
+            self._transforms.publish(self._transforms.msg_type(transforms=[transform]))
             self._transformed_at = stamp
+        if self._was_put(state):
+            self._markers.forget()
         if self._due(state, own.joint_state_rate):
             names = messages.joint_names(model, own.publish_fin_joints)
             self._joint_states.publish(messages.joint_state_message(state, model, names, base))
@@ -127,17 +132,20 @@ class Outputs:
             self._clock.publish(messages.clock_message(stamp))
         self._before = state
 
+    def _was_put(self, state: State) -> bool:
+        """Whether the robot was put here since the state before: its steps are counted anew, or no time went by."""
+        before = self._before
+        return before is not None and (before.start_time != state.start_time or before.time == state.time)
+
     def _due(self, state: State, rate: float) -> bool:
         """Whether an output with a rate of its own is due: a multiple of its period has come since the state before."""
         before = 0.0 if self._before is None else self._before.time
-        if before == state.time:  # it was put there, which nobody knows yet
+        if before == state.time:  # it was put there, or it is the first one, which nobody knows yet
             return True
         return math.floor(state.time * rate + ROUNDING) > math.floor(before * rate + ROUNDING)
 
     def _show(self, state: State, odom: Header, base: Header) -> None:
         """Publish the markers, if anybody looks."""
-        if self._before is None or self._before.start_time != state.start_time:  # it was put there, it did not swim
-            self._markers.forget()
         if self._fin_markers.get_subscription_count():
             self._fin_markers.publish(
                 self._markers.message(state, self._settings().model, base, odom, self._mean_current()))
@@ -145,11 +153,10 @@ class Outputs:
             self._markers.forget()
 
 
-def _transform_publisher(node: Node) -> Callable[[TransformStamped], None] | None:
-    """Return what publishes a transform on /tf, or None without tf2_msgs."""
+def _transform_publisher(node: Node) -> Publisher[Any] | None:
+    """Return the publisher of /tf, or None without tf2_msgs."""
     try:
         from tf2_msgs.msg import TFMessage
     except ImportError:
         return None
-    on_tf = publisher(node, TFMessage, '/tf')
-    return lambda transform: on_tf.publish(TFMessage(transforms=[transform]))
+    return publisher(node, TFMessage, '/tf')

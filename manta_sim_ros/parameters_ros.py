@@ -22,6 +22,9 @@ from manta_sim_ros.dynamics.parameters import (
 )
 from manta_sim_ros.sensors import Imu, Pressure
 
+FARTHEST = 1e6
+"""Bound of a coordinate that the robot is put at [m]: a double still tells tenths of a nanometre there."""
+
 OTHERS = ('use_sim_time', 'start_type_description_service')
 """What else a node may be started with: parameters of rclpy's, and those that begin with `qos_overrides.`."""
 
@@ -43,7 +46,8 @@ class NodeParameters(Group):
         False, '', 0, 1, 'start with simulated time standing still, until ~/pause says otherwise', 'chosen',
     )
     initial_position: Vector = quantity(
-        (0.0, 0.0, 0.0), 'm', -1e6, 1e6, 'where the robot starts and goes at a reset, world frame [x, y, z]', 'chosen',
+        (0.0, 0.0, 0.0), 'm', -FARTHEST, FARTHEST,
+        'where the robot starts and goes at a reset, world frame [x, y, z]', 'chosen',
     )
     initial_yaw: float = quantity(
         0.0, 'rad', -7.0, 7.0, 'heading there about the vertical, level otherwise; positive to the left',
@@ -66,7 +70,7 @@ class NodeParameters(Group):
         False, '', 0, 1, 'whether joint_states holds supports and chains beside the four rods', 'chosen',
     )
     marker_rate: float = quantity(
-        10.0, 'Hz', 0.1, 1000.0,
+        10.0, 'Hz', 1.0, 1000.0,
         'rate of fin_markers in simulated time, at most one an output; none while nobody subscribes', 'chosen',
     )
     publish_tf: bool = quantity(
@@ -74,6 +78,11 @@ class NodeParameters(Group):
     )
     odom_frame: str = quantity('odom', '', 0, 0, 'name of the world frame', 'REP 105')
     base_frame: str = quantity('base_link', '', 0, 0, 'name of the body frame', 'REP 105')
+
+    @property
+    def pace(self) -> float:
+        """Outputs per elapsed second [1/s]; 0 is as many as it can."""
+        return self.publish_rate * self.real_time_factor
 
     def __post_init__(self) -> None:
         """Check each field, then that the frames are different names that tf2 takes."""

@@ -34,7 +34,8 @@ def run_node(
         nonlocal interrupted
         if not spinning:  # maybe in the middle of a compilation, which an exception does not get out of
             os._exit(0)
-        interrupted = True  # an exception from here, in the middle of rclpy, would come out as any other
+        interrupted = True
+        raise KeyboardInterrupt  # in the middle of rclpy it may come out as another exception
 
     for ending in (signal.SIGINT, signal.SIGTERM):  # rclpy's own handlers shut its context down and call these
         signal.signal(ending, interrupt)
@@ -47,7 +48,7 @@ def run_node(
     except (KeyboardInterrupt, ExternalShutdownException):
         pass
     except Exception:
-        if not interrupted:  # else whatever was on its way through rclpy found no context
+        if not interrupted:  # else it is that of the handler, or what was on its way found no context any more
             raise
     finally:
         spinning = False  # a second signal must not interrupt the end

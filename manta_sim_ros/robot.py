@@ -38,7 +38,7 @@ class Robot:
     ) -> None:
         self._settings = settings
         self._error, self._warn = error, warn
-        self._simulator = Simulator(settings.model, state=self._at_rest(*self._start, time=0.0))
+        self._simulator = Simulator(settings.model, state=self._at_rest(*self._start, 0.0, np.zeros(3)))
         self._steps_due = 0.0
         self._commanded_at: float | None = None  # simulated time of the last command that was taken
         self._current: Sequence[float] | None = None  # instead of water.current
@@ -147,8 +147,11 @@ class Robot:
             yield self._advance(taken)
 
     def reset(self) -> State:
-        """Put the robot at rest where it started, fins flat, not commanded and not pushed; time goes on."""
-        return self._put(*self._start, time=self.state.time)
+        """Put the robot at rest where it started, fins flat, not commanded and not pushed; time goes on.
+
+        The deviation of the current begins anew from zero.
+        """
+        return self._put(*self._start, self.state.time, np.zeros(3))
 
     def put(self, position: Sequence[float], orientation: Sequence[float]) -> State:
         """Put the robot at rest at a pose [m; x, y, z, w], fins flat, not commanded and not pushed; time goes on.
@@ -159,7 +162,7 @@ class Robot:
             A value is not finite, or the orientation is no unit quaternion; nothing changes then.
 
         """
-        return self._put(position, orientation, time=self.state.time)
+        return self._put(position, orientation, self.state.time)
 
     @property
     def _start(self) -> tuple[Sequence[float], Sequence[float]]:
@@ -188,8 +191,9 @@ class Robot:
             return self._simulator.advance((steps - pushed_steps) * self._time_step, current=self._current)
         except DivergenceError as error:
             self.divergences += 1
-            self._error(f'{error}. The robot is put at rest where it was, its fins flat; command it anew.')
-            return self._put(before.position, before.orientation, time=before.time + steps * self._time_step)
+            pushed = ' A body_wrench acted.' if pushed_steps > 0 else ''
+            self._error(f'{error}.{pushed} The robot is put at rest where it was, its fins flat; command it anew.')
+            return self._put(before.position, before.orientation, before.time + steps * self._time_step)
 
     def _pushed_steps(self, steps: int) -> int:
         """Return in how many of the next steps the wrench from outside acts."""
@@ -199,16 +203,21 @@ class Robot:
         return math.ceil(left - ROUNDING) if left > ROUNDING else 0
 
     def _at_rest(
-        self, position: Sequence[float] | np.ndarray, orientation: Sequence[float] | np.ndarray, *, time: float,
+        self, position: Sequence[float] | np.ndarray, orientation: Sequence[float] | np.ndarray, time: float,
+        current_deviation: np.ndarray,
     ) -> State:
         return dataclasses.replace(
             State.at_rest(self._settings.model), time=time, position=np.array(position),
-            orientation=np.array(orientation))
+            orientation=np.array(orientation), current_deviation=current_deviation)
 
     def _put(
-        self, position: Sequence[float] | np.ndarray, orientation: Sequence[float] | np.ndarray, *, time: float,
+        self, position: Sequence[float] | np.ndarray, orientation: Sequence[float] | np.ndarray, time: float,
+        current_deviation: np.ndarray | None = None,
     ) -> State:
-        state = self._simulator.reset(self._at_rest(position, orientation, time=time))
+        """Put the robot at rest; the water goes on as it is if no `current_deviation` is given."""
+        state = self._simulator.reset(self._at_rest(
+            position, orientation, time,
+            self.state.current_deviation if current_deviation is None else current_deviation))
         self._commanded_at, self.timed_out = None, False
         self.release()
         return state

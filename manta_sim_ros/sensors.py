@@ -9,15 +9,13 @@ from typing import ClassVar, NamedTuple
 import numpy as np
 
 from manta_sim_ros.dynamics import Parameters, State
-from manta_sim_ros.dynamics.parameters import Group, Vector, quantity
+from manta_sim_ros.dynamics.parameters import LARGEST_SEED, Group, Vector, quantity
 
 MICROSECONDS = 1_000_000
 """Readings less than that apart have the same noise [1/s]."""
 
 IMU_STREAM, PRESSURE_STREAM = 1, 2
 """Keep the noises of sensors with one seed apart."""
-
-LARGEST_SEED = 10**9
 
 
 @dataclasses.dataclass(frozen=True)

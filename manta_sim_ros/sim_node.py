@@ -73,6 +73,8 @@ class SimNode(Node):
                 'no transform is published: tf2_msgs is not installed (install it, or set publish_tf to false)')
         prepare(self._settings.model, self.get_logger().info)
         self._set_pace()
+        if self._time.paused:  # there will be no tick
+            self._outputs.publish(self._robot.state)
 
     def spin(self) -> None:
         """Simulate on the steady clock and listen in between, until the context is shut down.
@@ -98,7 +100,7 @@ class SimNode(Node):
                 executor.spin_once(timeout_sec=0.0)
 
     def _set_pace(self) -> None:
-        pace = self._settings.node.publish_rate * self._settings.node.real_time_factor
+        pace = self._settings.node.pace
         self._tick_period = 1.0 / pace if pace > 0.0 else 0.0
         self._next_tick = time.monotonic() + self._tick_period
         self._begin_pace_window()
@@ -189,7 +191,7 @@ class SimNode(Node):
             self._robot.flow(None)
         if self._settings.model != before.model:
             self._warn_of_step()
-        if self._settings.node != before.node and self._next_tick < math.inf:
+        if self._settings.node.pace != before.node.pace and self._next_tick < math.inf:
             self._set_pace()
 
 

@@ -11,7 +11,7 @@ from std_srvs.srv import SetBool, Trigger
 from manta_sim_ros import messages
 from manta_sim_ros.dynamics import State
 from manta_sim_ros.parameters_ros import Settings
-from manta_sim_ros.qos import subscription
+from manta_sim_ros.qos import drain, subscription
 from manta_sim_ros.robot import Robot
 
 REFUSAL_WARNING_PERIOD = 1.0
@@ -48,7 +48,7 @@ class TimeControl:
         node.create_service(SetBool, '~/pause', self._pause)
         node.create_service(Trigger, '~/step', self._step)
         node.create_service(Trigger, '~/reset', self._reset)
-        subscription(node, PoseStamped, 'set_pose', self._set_pose)
+        self._poses = subscription(node, PoseStamped, 'set_pose', self._set_pose)
 
     def _pause(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
         before, self.paused = self.paused, request.data
@@ -66,11 +66,16 @@ class TimeControl:
         except ValueError as error:
             response.message = str(error)
             return response
+        before = self._robot.divergences
         self._publish(states)
-        response.success, response.message = True, f'stepped to {self._now}'
+        response.success = self._robot.divergences == before
+        response.message = f'stepped to {self._now}'
+        if not response.success:
+            response.message += ', but the motion diverged and the robot was put at rest where it was'
         return response
 
     def _reset(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        drain(self._poses)
         self._forget_inputs()
         self._put(self._robot.reset())
         response.success, response.message = True, f'at rest where it started, at {self._now}'

@@ -161,11 +161,12 @@ def test_arguments_reach_the_simulator_with_the_types_that_it_wants(launched, tm
     (tmp_path / 'my.yaml').write_text('/**: {ros__parameters: {real_time_factor: 0.5, odom_frame: map}}')
     (simulator,), _, _ = launched(SIM, 'config:=my.yaml gait:=false namespace:=m1 real_time_factor:=2 '
                                        'publish_clock:=false base_frame:=1 initial_position:="[0, 3, -1]" '
-                                       'initial_yaw:=1')
+                                       'initial_yaw:=1 sensor_seed:=7')
     assert simulator.namespace == '/m1'
     assert repr(sorted(simulator.parameters.items())) == repr(sorted({
         'real_time_factor': 2.0, 'odom_frame': 'map', 'base_frame': '1', 'publish_clock': False, 'use_sim_time': True,
-        'initial_position': [0.0, 3.0, -1.0], 'initial_yaw': 1.0,
+        'initial_position': [0.0, 3.0, -1.0], 'initial_yaw': 1.0, 'imu.seed': 7,
+        'pressure.seed': 7,
     }.items()))
 
 
@@ -246,6 +247,7 @@ def test_two_mantas_share_clock_and_world_and_have_gaits_and_frames_of_their_own
         assert parameters['publish_clock'] is (namespace == '/manta_1')
         assert parameters['use_sim_time'] is (namespace == '/manta_2')
     assert gaits['/manta_1'] != gaits['/manta_2'] and all(gait['use_sim_time'] for gait in gaits.values())
+    assert simulators['/manta_1']['imu']['seed'] != simulators['/manta_2']['imu.seed']
     assert simulators['/manta_1'].get('initial_position') != simulators['/manta_2']['initial_position']
 
 

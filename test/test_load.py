@@ -1,6 +1,7 @@
 """The load of the water on the fins: against the literal equations, by hand, and against the wrench that it makes."""
 
 import dataclasses
+import math
 
 import numpy as np
 import pytest
@@ -192,3 +193,18 @@ with event.install_recorder('numba:compile') as compiled:
 print(len(compiled.buffer))
 """
     assert run_python(code, tmp_path).stdout.split() == ['0']
+
+
+@pytest.mark.parametrize(('current', 'words'), [
+    (0.3, r'current has shape \(\), but must have \(3,\)'),
+    ((0.0, 0.0, math.nan), 'current must be finite, but has nan'),
+])
+def test_a_bad_current_is_refused(current, words):
+    parameters = sized(3, 2)
+    with pytest.raises(ValueError, match=words):
+        fin_loads(parameters, State.at_rest(parameters), current)
+
+
+def test_a_state_of_other_fins_is_refused():
+    with pytest.raises(ValueError, match=r'joint_angles has shape \(2, 3, 2\), but fin.chains and fin.links ask'):
+        fin_loads(sized(4, 2), State.at_rest(sized(3, 2)))

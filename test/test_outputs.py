@@ -1,4 +1,7 @@
-"""The outputs of a node in this process: what is not done for nobody, and what is waited for."""
+"""The outputs of a node in this process: what is not done for nobody, what is waited for, and when what is due."""
+
+import dataclasses
+from types import SimpleNamespace
 
 import pytest
 from rclpy.publisher import Publisher
@@ -65,3 +68,34 @@ def test_each_time_that_the_queues_are_full_all_subscribers_are_waited_for_unles
         assert waited == {QUEUE_DEPTH: topics, 2 * QUEUE_DEPTH: topics, 3 * QUEUE_DEPTH: topics}
     else:
         assert [number for number, _ in done] == [QUEUE_DEPTH]
+
+
+@pytest.mark.parametrize('rate', [10.0, 20.0, 30.0, 50.0, 100.0])
+def test_an_output_with_a_rate_of_its_own_is_due_as_often_as_the_rate_says(outputs, rate):
+    due = 0
+    for tick in range(1, 30_001):
+        state = SimpleNamespace(time=tick * 0.01)
+        due += outputs._due(state, rate)
+        outputs._before = state
+    assert due == 300 * rate
+
+
+def test_the_path_begins_anew_wherever_the_robot_is_put_whenever_that_is(outputs, simulator, monkeypatch):
+    forgotten = []
+    monkeypatch.setattr(Markers, 'forget', lambda markers: forgotten.append(1))
+    monkeypatch.setattr(type(outputs._fin_markers), 'get_subscription_count', lambda publisher: 1)
+    for _ in range(13):
+        outputs.publish(simulator.advance(0.01))
+    assert not forgotten
+
+    def put(x):
+        return simulator.reset(dataclasses.replace(simulator.state, position=[x, 0.0, 0.0], step_count=0,
+                                                   start_time=simulator.state.time))
+    put(3.0)
+    outputs.publish(simulator.advance(0.01))  # as running: between two markers, seen at the next tick only
+    assert len(forgotten) == 1
+    outputs.publish(simulator.advance(0.01))
+    assert len(forgotten) == 1
+    for x in (5.0, 7.0):  # as paused: at once, twice at the same time
+        outputs.publish(put(x))
+    assert len(forgotten) == 3

@@ -101,6 +101,14 @@ def test_the_noise_has_the_deviations_that_are_asked_for_and_no_mean():
     assert pressures.std() == pytest.approx(40.0, rel=SCATTER)
 
 
+def test_the_orientation_is_off_in_the_axes_of_the_sensor():
+    attitude, imu = Rotation.from_rotvec([0.4, -0.7, 1.1]), Imu(orientation_noise=0.3)
+    off = Rotation.from_quat(read_imu(imu, PARAMETERS, state(time=2.0)).orientation)
+    read = read_imu(imu, PARAMETERS, state(time=2.0, orientation=attitude.as_quat())).orientation
+    np.testing.assert_allclose(read, (attitude * off).as_quat(), rtol=0.0, atol=1e-15)
+    assert off.magnitude() > 0.1
+
+
 def test_all_noises_are_independent_also_with_the_same_seed():
     read = readings(read_imu, Imu(seed=5))
     columns = np.hstack([

@@ -6,7 +6,8 @@ import math
 import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
-from geometry_msgs.msg import Vector3Stamped, WrenchStamped
+from geometry_msgs.msg import Point, Pose, PoseStamped, Vector3Stamped, WrenchStamped
+from std_msgs.msg import Header
 
 from held import Held, numbers
 from manta_sim_ros.dynamics import Parameters, Simulator
@@ -142,12 +143,14 @@ def test_a_reset_ends_all_disturbances_and_those_that_were_sent_before(robot):
     for _ in range(5):
         robot.currents.publish(current(0.3, -0.2, 0.1))
         robot.wrenches.publish(wrench(3.0, -2.0, 1.0, 0.3, -0.2, 0.5))
+        robot.poses.publish(PoseStamped(header=Header(frame_id='odom'), pose=Pose(position=Point(x=9.0))))
     assert robot.trigger('reset').success
     robot.probe.until(stepping.done, 'the long step')
     assert robot.set_parameter('step_duration', 0.1).successful
     robot.probe.listen(0.3)
     robot.step()
     assert not any(numbers(robot.odometry[-1], robot.wrench[-1]))
+    assert robot.odometry[-1].pose.pose.position.x == 0.0
 
 
 REFUSED = {
@@ -181,11 +184,19 @@ def test_a_bad_disturbance_is_refused_and_that_before_goes_on(robot, twin, publi
 
 def test_the_largest_wrench_cannot_stop_the_node_or_put_a_nan_on_a_topic(robot):
     robot.push(1e6, -1e6, 1e6, 1e6, 1e6, -1e6, frame='odom')
-    robot.step()
+    assert not robot.trigger('step').success
     robot.probe.until(lambda: 'The robot is put at rest where it was' in robot.node.output, 'the error')
     assert robot.odometry.finite and robot.wrench.finite
     robot.step()
     assert not any(numbers(robot.odometry[-1], robot.wrench[-1]))  # at rest, and not pushed any more
+
+
+def test_a_step_in_which_the_motion_diverges_answers_so(robot):
+    robot.push(0.0, 0.0, 0.0, 1e6, 0.0, 0.0)
+    answer = robot.trigger('step')
+    assert not answer.success
+    assert 'but the motion diverged and the robot was put at rest where it was' in answer.message
+    assert robot.trigger('step').success
 
 
 def test_a_current_that_varies_is_that_of_the_library_bit_for_bit(launch, probe):

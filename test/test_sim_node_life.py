@@ -9,6 +9,7 @@ from nav_msgs.msg import Odometry
 from rcl_interfaces.srv import GetParameters, ListParameters
 from rosgraph_msgs.msg import Clock
 from std_msgs.msg import Float64MultiArray
+from std_srvs.srv import SetBool
 
 STRAIGHT = [0.7, 0.7, 0.6, 0.6, 0.7, 0.7]
 VIOLENT = [0.8, 0.8, 4.0, 4.0, 0.7, 0.7]
@@ -46,6 +47,20 @@ def test_a_signal_ends_it_while_it_runs(launch, probe, ending):
 def test_a_signal_ends_it_while_it_compiles(launch, tmp_path, ending):
     node = launch('sim_node', environment={'NUMBA_CACHE_DIR': str(tmp_path)})
     node.wait_for_output(COMPILING)
+    node.send(ending)
+    assert node.exit_status() == 0
+    assert 'Traceback' not in node.output and 'Error' not in node.output
+
+
+@pytest.mark.parametrize('ending', SIGNALS)
+def test_a_signal_ends_it_in_the_middle_of_minutes_of_computing(launch, probe, ending):
+    name = f'computing_{ending.name.lower()}'
+    node = launch('sim_node', '-p start_paused:=true -p publish_rate:=0.1 -p solver.time_step:=1e-6 '
+                  f'-p real_time_factor:=0.0 -r __ns:=/{name} {OWN_CLOCK}')
+    pause = probe.node.create_client(SetBool, f'/{name}/manta_sim/pause')
+    probe.until(pause.service_is_ready, 'the service')
+    pause.call_async(SetBool.Request(data=False))
+    probe.listen(3.0)  # ten million steps have begun
     node.send(ending)
     assert node.exit_status() == 0
     assert 'Traceback' not in node.output and 'Error' not in node.output

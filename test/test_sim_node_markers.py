@@ -2,6 +2,8 @@
 
 import numpy as np
 import pytest
+from geometry_msgs.msg import Vector3, Vector3Stamped
+from std_msgs.msg import Header
 from visualization_msgs.msg import Marker, MarkerArray
 
 from held import Held
@@ -51,6 +53,26 @@ def test_markers_have_their_rate_and_are_of_the_state_of_their_stamp(robot):
             corners = {tuple(point) for point in points(by_name(message)[name, 0])}
             assert corners == {tuple(node) for node in nodes[side].reshape(-1, 3)}
         assert {marker.header.frame_id for marker in message.markers} == {'base_link', 'odom'}
+
+
+def test_the_load_is_that_of_the_current_on_the_topic(robot):
+    assert robot.trigger('reset').success
+    currents = robot.probe.node.create_publisher(Vector3Stamped, '/marked/current', 10)
+    robot.probe.until(currents.get_subscription_count, 'the topic')
+    message = Vector3Stamped(header=Header(frame_id='odom'), vector=Vector3(z=0.5))
+    assert robot.set_parameter('step_duration', 0.1).successful
+
+    def pushed_up():
+        """Whether the fins are red: the water presses from below."""
+        colors = by_name(robot.markers[-1])['left_fin', 0].colors
+        return all(color.r > color.b + 0.3 for color in colors)
+
+    def look():
+        currents.publish(message)
+        robot.step()
+    assert not pushed_up()
+    robot.probe.until(pushed_up, 'red fins', doing=look)
+    assert robot.set_parameter('step_duration', 0.5).successful
 
 
 def test_the_path_grows_as_it_swims_and_begins_anew_after_a_reset(robot):

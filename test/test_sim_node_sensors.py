@@ -109,6 +109,7 @@ def test_joint_states_have_a_rate_of_their_own_at_most_that_of_the_outputs(robot
     assert robot.joints.stamps[heard + 1:] == due
     for stamp, message in zip(due, robot.joints[heard + 1:]):
         assert message.name == joint_names(PARAMETERS, fins=False)
+        assert message.header.frame_id == 'base_link'
         assert list(message.position) == states[stamp].rod_angles.ravel().tolist()
 
 

@@ -1,12 +1,14 @@
 """Pause, step, reset and a new pose: others hold the robot's time, exactly; in lockstep it is the library's twin."""
 
 import dataclasses
+import itertools
 import math
 import re
 import signal
 
 import numpy as np
 import pytest
+from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseStamped
 from std_msgs.msg import Float64MultiArray
 
@@ -197,6 +199,19 @@ def test_a_pose_that_is_set_is_where_it_rests_and_swims_on_from(held):
     held.step()
     position = held.odometry[-1].pose.pose.position
     assert position.y > -1.9 and position.x == pytest.approx(1.0, abs=1e-9)  # forward is to the world's left now
+
+
+def test_settings_that_change_again_and_again_keep_diagnostics_and_time_going(launch, probe):
+    robot = Held(launch, probe, 'busy')
+    diagnostics, heard = probe.record(DiagnosticArray, '/diagnostics'), len(robot.clock)
+    rates = itertools.cycle((5.0, 6.0))
+
+    def change():
+        assert robot.set_parameter('marker_rate', next(rates)).successful
+
+    def ours():
+        return [message for message in diagnostics if message.status[0].name.startswith('/busy/')]
+    probe.until(lambda: len(ours()) > 2 and len(robot.clock) > heard + 50, 'both', doing=change, every=0.0)
 
 
 REFUSED = {

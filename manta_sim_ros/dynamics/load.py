@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from manta_sim_ros.dynamics.parameters import Parameters
-from manta_sim_ros.dynamics.state import State
+from manta_sim_ros.dynamics.state import State, check_shape, finite_array
 from manta_sim_ros.dynamics.surface import STEP, fin_surfaces, rod_rates
 
 
@@ -35,8 +35,15 @@ def fin_loads(
     numpy.ndarray
         (2, n, m) [fin, chain, link] [Pa], positive where the water pushes the link along n, up.
 
+    Raises
+    ------
+    ValueError
+        `current` has a wrong shape or is not finite, or `state` does not fit `parameters`.
+
     """
-    water = np.add(parameters.water.current if current is None else current, state.current_deviation)
+    check_shape(parameters, state)
+    mean = finite_array('current', parameters.water.current if current is None else current, (3,))
+    water = mean + state.current_deviation
     nodes = fin_surfaces(
         parameters, state.rod_angles + 1j * STEP * rod_rates(parameters.rods, state),
         state.joint_angles + 1j * STEP * state.joint_rates)

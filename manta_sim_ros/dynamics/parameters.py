@@ -17,6 +17,9 @@ Vector = tuple[float, float, float]
 SEQUENTIAL, MONOLITHIC = 'sequential', 'monolithic'
 """What `solver.coupling` may be."""
 
+LARGEST_SEED = 10**9
+"""Bound of the seeds of random numbers."""
+
 
 @dataclasses.dataclass(frozen=True)
 class Quantity:
@@ -130,7 +133,7 @@ class Water(Group):
         'a steady current in the paper',
     )
     current_seed: int = quantity(
-        0, '', 0, 10**9, 'seed of the deviation of the current', 'a steady current in the paper',
+        0, '', 0, LARGEST_SEED, 'seed of the deviation of the current', 'a steady current in the paper',
     )
     surface_height: float = quantity(
         5.0, 'm', -1e5, 1e5, 'height of the surface of the water, world frame; depth is measured from it',

@@ -17,7 +17,7 @@ from manta_sim_ros.dynamics.current import deviation_at, steps_left
 from manta_sim_ros.dynamics.gait import REST, SIDES, FinCommand, check_gait, check_present_gait, check_transition
 from manta_sim_ros.dynamics.parameters import MONOLITHIC, SEQUENTIAL, Parameters, Vector
 from manta_sim_ros.dynamics.stability import StabilityWarning, remedy, step_warning
-from manta_sim_ros.dynamics.state import State
+from manta_sim_ros.dynamics.state import State, check_shape, finite_array
 
 WHOLE_STEPS_TOLERANCE = 1e-6
 """How far a duration may be from a whole number of steps, in steps: the rounding of decimal fractions, no more."""
@@ -88,13 +88,7 @@ class Simulator:
         if state is None:
             self._state = State.at_rest(self._parameters)
             return self._state
-        fin = self._parameters.fin
-        expected = (2, fin.chains, fin.links)
-        if state.joint_angles.shape != expected:
-            raise ValueError(
-                f'state.joint_angles has shape {state.joint_angles.shape}, but fin.chains and fin.links '
-                f'ask for {expected}'
-            )
+        check_shape(self._parameters, state)
         if self._parameters.solver.fixed_base and (np.any(state.twist) or np.any(state.acceleration)):
             raise ValueError(
                 f'state.twist is {state.twist} and state.acceleration {state.acceleration}, but solver.fixed_base asks '
@@ -170,7 +164,7 @@ class Simulator:
         steps = self._whole_steps(duration)
         before, kernels = self._state, _KERNELS[self._parameters.solver.coupling]
         water, time_step = self._parameters.water, self._parameters.solver.time_step
-        mean = _finite_array('current', water.current if current is None else current, (3,))
+        mean = finite_array('current', water.current if current is None else current, (3,))
         constants = self._constants._replace(
             outside=(*_force_and_moment('body_wrench', body_wrench), *_force_and_moment('world_wrench', world_wrench)))
         motion = coupling.Motion(*(getattr(before, name).copy() for name in coupling.Motion._fields))
@@ -277,12 +271,12 @@ def fin_dynamics(
         raise ValueError(f'side is {side!r}, but must be 0 (left) or 1 (right)')
     fin, rods = parameters.fin, parameters.rods
     joints = (fin.chains, fin.links)
-    rod_motion = _finite_array('rod_motion', rod_motion, (2, 3))
-    angles = _finite_array('joint_angles', joint_angles, joints)
+    rod_motion = finite_array('rod_motion', rod_motion, (2, 3))
+    angles = finite_array('joint_angles', joint_angles, joints)
     wrapped = angles - 2 * math.pi * np.round(angles / (2 * math.pi))  # the period of stiffness and geometry
-    rates = _finite_array('joint_rates', joint_rates, joints)
-    twist = _finite_array('body_twist', body_twist, (6,))
-    acceleration = _finite_array('body_acceleration', body_acceleration, (6,))
+    rates = finite_array('joint_rates', joint_rates, joints)
+    twist = finite_array('body_twist', body_twist, (6,))
+    acceleration = finite_array('body_acceleration', body_acceleration, (6,))
     (front_y, rear_y), (front_z, rear_z) = (
         (rods.front_radius * f(rod_motion[0, 0]), rods.rear_radius * f(rod_motion[1, 0])) for f in (math.cos, math.sin)
     )
@@ -303,14 +297,5 @@ def fin_dynamics(
 
 
 def _force_and_moment(name: str, wrench: Sequence[float] | np.ndarray) -> tuple[Vector, Vector]:
-    x, y, z, about_x, about_y, about_z = _finite_array(name, wrench, (6,)).tolist()
+    x, y, z, about_x, about_y, about_z = finite_array(name, wrench, (6,)).tolist()
     return (x, y, z), (about_x, about_y, about_z)
-
-
-def _finite_array(name: str, values: Sequence[float] | np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
-    array = np.array(values, dtype=np.float64, order='C')  # a copy: Numba would compile anew for a read-only array
-    if array.shape != shape:
-        raise ValueError(f'{name} has shape {array.shape}, but must have {shape}')
-    if not np.isfinite(array).all():
-        raise ValueError(f'{name} must be finite, but has {array[~np.isfinite(array)][0]}')
-    return array

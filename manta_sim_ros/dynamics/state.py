@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import numbers
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -143,3 +144,22 @@ class State:
         zeros['orientation'][3] = 1.0
         joints = np.zeros((2, fin.chains, fin.links))
         return cls(time=0.0, joint_angles=joints, joint_rates=joints, **zeros)
+
+
+def check_shape(parameters: Parameters, state: State) -> None:
+    """Raise a ValueError if a state has other numbers of chains and links than the parameters."""
+    fin = parameters.fin
+    expected = (2, fin.chains, fin.links)
+    if state.joint_angles.shape != expected:
+        raise ValueError(
+            f'state.joint_angles has shape {state.joint_angles.shape}, but fin.chains and fin.links ask for {expected}')
+
+
+def finite_array(name: str, values: Sequence[float] | np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
+    """Return `values` as a new array of a shape, or raise a ValueError that names what is wrong."""
+    array = np.array(values, dtype=np.float64, order='C')  # a copy: Numba would compile anew for a read-only array
+    if array.shape != shape:
+        raise ValueError(f'{name} has shape {array.shape}, but must have {shape}')
+    if not np.isfinite(array).all():
+        raise ValueError(f'{name} must be finite, but has {array[~np.isfinite(array)][0]}')
+    return array
