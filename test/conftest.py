@@ -229,10 +229,12 @@ class Probe:
     def call(self, service_type, name, **request):
         client = self.node.create_client(service_type, name)
         self.until(client.service_is_ready, f'service {name}')
-        future = client.call_async(service_type.Request(**request))
-        self.until(future.done, f'answer of {name}')
+        asked = []  # again and again: middleware may lose the answer to a client that is new to the node
+        self.until(
+            lambda: any(future.done() for future in asked), f'answer of {name}',
+            doing=lambda: asked.append(client.call_async(service_type.Request(**request))), every=5.0)
         self.node.destroy_client(client)
-        return future.result()
+        return next(future for future in asked if future.done()).result()
 
     def topics_of(self, node, namespace='/'):
         """Return {topic: type} of what a simulator takes, and of what it publishes, without what any node has."""
