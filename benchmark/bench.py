@@ -246,7 +246,7 @@ def report(figures: dict) -> str:
     node = figures['node']
     rows += ['', f'sim_node: first start to first message {node["first start [s]"]:.1f} s, '
                  f'warm start {node["warm start [s]"]:.2f} s (at most 3), '
-                 f'{100.0 * node["processor share"]:.1f} % of a core at 100 Hz, '
+                 f'{100.0 * node["processor share"]:.1f} % of a core at 100 Hz (at most 15), '
                  f'{100.0 * node["processor share with markers"]:.1f} % with markers (at most 25)']
     return '\n'.join(rows)
 
