@@ -24,13 +24,13 @@ lint:  ## ruff, mypy, package.xml
 	@scripts/setup.sh --dev --no-build -- scripts/lint.sh
 
 bench:  ## compare the speed with Pinocchio, MuJoCo and plain NumPy
-	@env -u ROS_DOMAIN_ID scripts/setup.sh --dev -- python benchmark/bench.py
+	@env -u ROS_DOMAIN_ID scripts/setup.sh --dev -- python -m evidence.benchmark
 
 verify:  ## prove the physics: docs/verification.md and its plots anew, about five minutes
-	@scripts/setup.sh --dev -- python verification/verify.py
+	@scripts/setup.sh --dev -- python -m evidence.verification
 
 paper:  ## draw the paper's figures: docs/paper.md, its plots and animations anew, about two minutes
-	@scripts/setup.sh --dev -- python paper/make.py
+	@scripts/setup.sh --dev -- python -m evidence.paper
 
 setup:  ## make the virtual environment and build the package, with all tools
 	@scripts/setup.sh --dev

@@ -14,28 +14,28 @@ def sim_node() -> None:
     """Run the simulator."""
     _end_when_interrupted()
     os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')  # its matrices are small: threads only wait for each other
-    from manta_sim_ros.sim_node import main
+    from manta_sim_ros.nodes.sim_node import main
     main()
 
 
 def gait_node() -> None:
     """Run the example controller."""
     _end_when_interrupted()
-    from manta_sim_ros.gait_node import main
+    from manta_sim_ros.nodes.gait_node import main
     main()
 
 
 def monitor_node() -> None:
     """Run the monitor."""
     _end_when_interrupted()
-    from manta_sim_ros.monitor_node import main
+    from manta_sim_ros.nodes.monitor_node import main
     main()
 
 
 def paper_figures() -> None:
     """Draw the paper's figures."""
     _end_when_interrupted(status=130)
-    from manta_sim_ros.paper.command import main
+    from manta_sim_ros.figures.command import main
     main()
 
 

@@ -15,8 +15,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from manta_sim_ros.dynamics.coupling import constants
-from manta_sim_ros.dynamics.gait import FinCommand
+from manta_sim_ros.dynamics._kernels.constants import constants
+from manta_sim_ros.dynamics.command import FinCommand
 from manta_sim_ros.dynamics.parameters import Parameters
 
 STATIONS = 4

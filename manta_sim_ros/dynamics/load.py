@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from manta_sim_ros.dynamics._kernels.geometry import rotation_of
 from manta_sim_ros.dynamics.parameters import Parameters
 from manta_sim_ros.dynamics.state import State, check_shape, finite_array
 from manta_sim_ros.dynamics.surface import STEP, fin_surfaces, rod_rates
@@ -56,12 +57,7 @@ def fin_loads(
     normals /= np.linalg.norm(normals, axis=-1, keepdims=True)
 
     velocities = middles.imag / STEP + np.cross(state.twist[3:], middles.real)
-    velocities += state.twist[:3] - _in_body(state.orientation, water)
+    velocities += state.twist[:3] - water @ np.array(rotation_of.py_func(state.orientation))  # R^T
     through = np.sum(velocities * normals, axis=-1)
     return -0.5 * parameters.water.density * parameters.fin.drag_coefficient * np.abs(through) * through
 
-
-def _in_body(orientation: np.ndarray, vector: np.ndarray) -> np.ndarray:
-    """Return the components (3,) in F_b of a vector (3,) in the world, by the body's quaternion (4,) x, y, z, w."""
-    turned = 2.0 * np.cross(vector, orientation[:3])
-    return vector + orientation[3] * turned + np.cross(turned, orientation[:3])

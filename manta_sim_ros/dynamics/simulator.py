@@ -11,11 +11,15 @@ from types import ModuleType
 
 import numpy as np
 
-from manta_sim_ros.dynamics import coupling, monolithic, sequential
-from manta_sim_ros.dynamics.compilation import announced_compilation
+from manta_sim_ros.dynamics._kernels import monolithic, staggered
+from manta_sim_ros.dynamics._kernels.compilation import announced_compilation
+from manta_sim_ros.dynamics._kernels.constants import constants
+from manta_sim_ros.dynamics._kernels.inputs import inputs
+from manta_sim_ros.dynamics._kernels.layout import workspace
+from manta_sim_ros.dynamics._kernels.motion import FASTEST, FIN_DIVERGED, NO_SOLUTION, FinState, Motion, Outcome
+from manta_sim_ros.dynamics.command import REST, SIDES, FinCommand, check_gait, check_present_gait, check_transition
 from manta_sim_ros.dynamics.current import deviation_at, steps_left
-from manta_sim_ros.dynamics.gait import REST, SIDES, FinCommand, check_gait, check_present_gait, check_transition
-from manta_sim_ros.dynamics.parameters import MONOLITHIC, SEQUENTIAL, Parameters, Vector
+from manta_sim_ros.dynamics.parameters import MONOLITHIC, SEQUENTIAL, Parameters
 from manta_sim_ros.dynamics.stability import StabilityWarning, remedy, step_warning
 from manta_sim_ros.dynamics.state import State, check_shape, finite_array
 
@@ -28,10 +32,7 @@ LINK_STEPS_AT_ONCE = 5_000_000
 MOST_STEPS = 2**53
 """More steps than this a float cannot count."""
 
-NO_WRENCH: tuple[float, ...] = (0.0,) * 6
-"""Nothing acts on the body but water, buoyancy and fins."""
-
-_KERNELS: dict[str, ModuleType] = {SEQUENTIAL: sequential, MONOLITHIC: monolithic}
+_KERNELS: dict[str, ModuleType] = {SEQUENTIAL: staggered, MONOLITHIC: monolithic}
 
 
 class DivergenceError(ValueError):
@@ -59,7 +60,8 @@ class Simulator:
 
     def __init__(self, parameters: Parameters | None = None, state: State | None = None) -> None:
         self._parameters = Parameters() if parameters is None else parameters
-        self._constants = coupling.constants(self._parameters)
+        self._constants = constants(self._parameters)
+        self._workspace = workspace(self._parameters.fin.chains, self._parameters.fin.links)
         self._go_to(state)
 
     @property
@@ -143,7 +145,8 @@ class Simulator:
 
     def advance(
         self, duration: float, *, current: Sequence[float] | np.ndarray | None = None,
-        body_wrench: Sequence[float] | np.ndarray = NO_WRENCH, world_wrench: Sequence[float] | np.ndarray = NO_WRENCH,
+        body_wrench: Sequence[float] | np.ndarray | None = None,
+        world_wrench: Sequence[float] | np.ndarray | None = None,
     ) -> State:
         """Advance by `duration` [s], a whole number of time steps, in one compiled loop; return the new state.
 
@@ -165,9 +168,10 @@ class Simulator:
         before, kernels = self._state, _KERNELS[self._parameters.solver.coupling]
         water, time_step = self._parameters.water, self._parameters.solver.time_step
         mean = finite_array('current', water.current if current is None else current, (3,))
-        constants = self._constants._replace(
-            outside=(*_force_and_moment('body_wrench', body_wrench), *_force_and_moment('world_wrench', world_wrench)))
-        motion = coupling.Motion(*(getattr(before, name).copy() for name in coupling.Motion._fields))
+        on_body, in_world = (
+            np.zeros(6) if wrench is None else finite_array(name, wrench, (6,))
+            for name, wrench in (('body_wrench', body_wrench), ('world_wrench', world_wrench)))
+        motion = Motion(*(getattr(before, name).copy() for name in Motion._fields))
         at_once = max(1, LINK_STEPS_AT_ONCE // before.joint_angles.size)
         varying = any(water.current_deviation)
         deviation = before.current_deviation if varying else np.zeros(3)
@@ -175,17 +179,17 @@ class Simulator:
         while True:
             due = min(steps - taken, at_once, steps_left(time, time_step) if varying else steps)
             with announced_compilation():
-                done, failed, side, chain = kernels.advance_kernel(
-                    constants._replace(current=tuple((mean + deviation).tolist())), motion, due)
-            if failed:
-                raise self._divergence(before, taken + done, failed, side, chain)
+                outcome = Outcome(*kernels.advance(
+                    self._constants, inputs(mean + deviation, on_body, in_world), motion, self._workspace, due))
+            if outcome.failure:
+                raise self._divergence(before, taken, outcome)
             taken += due
             began, time = time, before.start_time + (before.step_count + taken) * time_step
             if varying:
                 deviation = deviation_at(water, deviation, began, time)
             if taken == steps:
                 break
-        self._state = State.owning(
+        self._state = State.unchecked(
             **motion._asdict(),
             time=time,
             start_time=before.start_time,
@@ -207,23 +211,23 @@ class Simulator:
             )
         return steps
 
-    def _divergence(self, before: State, taken: int, failed: int, side: int, chain: int) -> DivergenceError:
+    def _divergence(self, before: State, taken: int, outcome: Outcome) -> DivergenceError:
         time_step = self._parameters.solver.time_step
-        time = before.start_time + (before.step_count + taken + 1) * time_step
+        time = before.start_time + (before.step_count + taken + outcome.steps + 1) * time_step
         where = (
-            f'a joint of chain {chain} of the {SIDES[side]} fin passed +-pi or is not finite'
-            if failed == coupling.FIN_FAILED
+            f'a joint of chain {outcome.chain} of the {SIDES[outcome.side]} fin passed +-pi or is not finite'
+            if outcome.failure == FIN_DIVERGED
             else 'the accelerations are no longer finite'
-            if failed == coupling.SOLUTION_FAILED
-            else f'the body moves faster than {coupling.FASTEST:g} m/s or rad/s'
+            if outcome.failure == NO_SOLUTION
+            else f'the body moves faster than {FASTEST:g} m/s or rad/s'
         )
         what_to_do = remedy(self._parameters, *(FinCommand(*command) for command in before.gait_commands))
         return DivergenceError(
             f'at {time:.6g} s {where}: solver.time_step is {time_step:g} s, too large for this motion; {what_to_do}')
 
 
-def prepare(parameters: Parameters, announce: Callable[[str], object]) -> None:
-    """Have the kernels that `parameters` need compiled or loaded; `announce` gets one line if they must be compiled."""
+def compile_kernels(parameters: Parameters, announce: Callable[[str], object]) -> None:
+    """Compile or load the kernels that a simulation needs; `announce` gets one line if they must be compiled."""
     with announced_compilation(announce):
         simulator = Simulator(parameters)
         simulator.command(left=REST, right=REST)
@@ -269,8 +273,7 @@ def fin_dynamics(
     """
     if isinstance(side, bool) or not isinstance(side, numbers.Integral) or side not in (0, 1):
         raise ValueError(f'side is {side!r}, but must be 0 (left) or 1 (right)')
-    fin, rods = parameters.fin, parameters.rods
-    joints = (fin.chains, fin.links)
+    rods, joints = parameters.rods, (parameters.fin.chains, parameters.fin.links)
     rod_motion = finite_array('rod_motion', rod_motion, (2, 3))
     angles = finite_array('joint_angles', joint_angles, joints)
     wrapped = angles - 2 * math.pi * np.round(angles / (2 * math.pi))  # the period of stiffness and geometry
@@ -286,16 +289,11 @@ def fin_dynamics(
             f'rod_motion sets the rod ends {apart:g} m apart in the y-z plane, but the support closes only below '
             f'rods.support_length, {rods.support_length:g} m'
         )
+    fin = FinState(rod_motion, wrapped, rates, twist, acceleration, np.empty(joints))
     with announced_compilation():
-        accelerations, force, moment = _KERNELS[parameters.solver.coupling].evaluate_kernel(
-            coupling.constants(parameters), int(side), rod_motion, wrapped, rates, twist, acceleration,
-        )
+        force, moment = _KERNELS[parameters.solver.coupling].evaluate(
+            constants(parameters), int(side), fin, workspace(*joints))
     wrench = np.array(force + moment)
-    if not (np.isfinite(accelerations).all() and np.isfinite(wrench).all()):
+    if not (np.isfinite(fin.joint_accelerations).all() and np.isfinite(wrench).all()):
         raise ValueError('the motion is too fast: joint accelerations or wrench are not finite')
-    return accelerations, wrench
-
-
-def _force_and_moment(name: str, wrench: Sequence[float] | np.ndarray) -> tuple[Vector, Vector]:
-    x, y, z, about_x, about_y, about_z = finite_array(name, wrench, (6,)).tolist()
-    return (x, y, z), (about_x, about_y, about_z)
+    return fin.joint_accelerations, wrench

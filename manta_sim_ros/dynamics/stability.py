@@ -12,7 +12,7 @@ import math
 
 import numpy as np
 
-from manta_sim_ros.dynamics.gait import HIGHEST_FREQUENCY, SIDES, FinCommand, check_gait
+from manta_sim_ros.dynamics.command import HIGHEST_FREQUENCY, SIDES, FinCommand, check_gait
 from manta_sim_ros.dynamics.harmonic import (
     STATIONS,
     STEEPEST_BEND,
@@ -21,7 +21,7 @@ from manta_sim_ros.dynamics.harmonic import (
     gait_motion,
     straight_fins,
 )
-from manta_sim_ros.dynamics.parameters import SEQUENTIAL, Parameters, Solver, quantities
+from manta_sim_ros.dynamics.parameters import SEQUENTIAL, Parameters, Solver
 
 SPEED_SHARE = 0.85
 """Share of a speed's amplitude at which drag counts, since it passes; calibrated on verification/stability.py."""
@@ -48,7 +48,7 @@ STEPS_PER_PERIOD = 50.0
 MOST_LINKS_WITH_BODY = 6
 """Links a chain up to which the step is sought for fins and body together: with more the chains' stiffness decides."""
 
-LEAST_STEP = dict(quantities(Solver))['time_step'].low
+LEAST_STEP = Solver.quantities()['time_step'].low
 UNREACHABLE = f', but solver.time_step must be at least {LEAST_STEP:g} s: make the fins softer, or of fewer links'
 
 DIRECTIONS = np.linspace(0.5 * math.pi, math.pi, 1025)

@@ -127,8 +127,8 @@ class State:
         return self.fin_wrenches[0] + self.fin_wrenches[1]
 
     @classmethod
-    def owning(cls, **values: Any) -> State:
-        """Return a state of new arrays that nobody else holds and that are known to be sound: no copies, no checks."""
+    def unchecked(cls, **values: Any) -> State:
+        """Return a state of new, valid arrays that nobody else holds: without copies and without checks."""
         state = object.__new__(cls)
         state.__dict__.update(values)
         for value in values.values():

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from manta_sim_ros.dynamics.fin import stations
+from manta_sim_ros.dynamics._kernels.layout import stations
 from manta_sim_ros.dynamics.parameters import Parameters, Rods
 from manta_sim_ros.dynamics.state import State
 

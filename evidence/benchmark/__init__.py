@@ -1,0 +1,1 @@
+"""The speed beside that of others: `python -m evidence.benchmark`."""

@@ -1,0 +1,208 @@
+"""Energy, power and momentum of the whole robot from the positions and velocities of its parts, in plain NumPy.
+
+Nothing here uses the simulator's equations. A link is two point masses at Gauss's points of its length, which have the
+kinetic energy, the momentum and the angular momentum of a uniform thin rod exactly; the supports come from the closure
+of the six-link mechanism (`pinocchio_tree.support_pose` of the tests), the rods from (38). Components are those of F_b
+unless said otherwise; the leading axis of a fin's arrays is the chain, the next one time.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import make_interp_spline
+from scipy.spatial.transform import Rotation
+
+from evidence.references.pinocchio_tree import OUTWARD, added_mass_forces, drag_forces, support_pose
+from manta_sim_ros.dynamics import FinCommand, Parameters, Simulator
+
+GAUSS_POINTS = 0.5 + np.array([-0.5, 0.5]) / math.sqrt(3.0)  # in link lengths from the link's root
+MIDPOINT, ENDS = np.array([0.5]), np.array([0.0, 1.0])
+
+Commands = tuple[FinCommand, FinCommand]
+
+
+class Supports(NamedTuple):
+    """Pose of F_0 in F_b of both supports, and its rate, at T times."""
+
+    rotation: NDArray  # (T, 2, 3, 3)
+    rotation_rate: NDArray  # [1/s]
+    position: NDArray  # (T, 2, 3) [m]
+    position_rate: NDArray  # [m/s]
+
+
+class History(NamedTuple):
+    """States at T times, fields as in `State`, and the supports at these times."""
+
+    time: NDArray  # (T,) [s]
+    position: NDArray  # (T, 3) [m], world
+    orientation: NDArray  # (T, 4)
+    twist: NDArray  # (T, 6) [m/s, rad/s]
+    joint_angles: NDArray  # (T, 2, n, m) [rad]
+    joint_rates: NDArray  # (T, 2, n, m) [rad/s]
+    fin_wrenches: NDArray  # (T, 2, 6) [N, N m]
+    supports: Supports
+
+
+class FinMotion(NamedTuple):
+    """Points of one fin's links: positions [m] and inertial velocities [m/s], (n, T, m, points, 3), components in F_b.
+
+    `relative_twist` (T, 6) is that of the support against the body, about the body's centre of mass.
+    """
+
+    positions: NDArray
+    velocities: NDArray
+    relative_twist: NDArray
+
+
+def rods_of(parameters: Parameters, command: FinCommand, time: NDArray) -> NDArray:
+    """Return (T, 2, 3): front, rear; angle, rate, acceleration [rad, s] of a gait taken at once at time 0, (38)."""
+    rods, pulsation = parameters.rods, 2.0 * math.pi * command.frequency
+    front = math.asin(rods.rear_radius / rods.front_radius * math.sin(command.amplitude))
+    motion = []
+    for amplitude, phase, bias in (front, command.phase, command.front_bias), (command.amplitude, 0, command.rear_bias):
+        sine, cosine = np.sin(pulsation * time + phase), np.cos(pulsation * time + phase)
+        motion.append([amplitude * sine + bias, amplitude * pulsation * cosine, -amplitude * pulsation**2 * sine])
+    return np.moveaxis(np.array(motion), 2, 0)
+
+
+def supports_of(parameters: Parameters, commands: Commands, time: NDArray) -> Supports:
+    """Return how both supports move, from the closure of the mechanism and (38)."""
+    sides = []
+    for side, command in enumerate(commands):
+        poses = [support_pose(parameters, side, rods) for rods in rods_of(parameters, command, time)]
+        sides.append([np.array([getattr(pose[part], name) for pose in poses])
+                      for part in range(2) for name in ('value', 'first')])
+    return Supports(*(np.stack(pair, axis=1) for pair in zip(*sides, strict=True)))
+
+
+def recorded(simulator: Simulator, commands: Commands, duration: float, every: int = 1) -> History:
+    """Advance by `duration` [s] and return the history, a state each `every` steps and the first.
+
+    `commands` are the gaits, commanded at time 0 with `rods.command_time_constant` 0.
+    """
+    parameters = simulator.parameters
+    pace = every * parameters.solver.time_step
+    states = [simulator.state]
+    for _ in range(round(duration / pace)):
+        states.append(simulator.advance(pace))
+    fields = {name: np.array([getattr(state, name) for state in states]) for name in History._fields[:-1]}
+    return History(**fields, supports=supports_of(parameters, commands, fields['time']))
+
+
+def fin_motion(parameters: Parameters, history: History, side: int, fractions: NDArray) -> FinMotion:
+    """Return the points at `fractions` of each link's length, from its root, and how they move."""
+    fin, length, outward = parameters.fin, parameters.rods.support_length, OUTWARD[side]
+    link = fin.span / fin.links
+    turn, turn_rate, origin, origin_rate = (of_both[:, side] for of_both in history.supports)
+
+    angles = np.moveaxis(np.cumsum(history.joint_angles[:, side], axis=-1), 1, 0)  # (n, T, m)
+    rates = np.moveaxis(np.cumsum(history.joint_rates[:, side], axis=-1), 1, 0)
+    zeros = np.zeros_like(angles)
+    along = link * np.stack([zeros, outward * np.cos(angles), np.sin(angles)], axis=-1)
+    along_rate = link * rates[..., None] * np.stack([zeros, -outward * np.sin(angles), np.cos(angles)], axis=-1)
+    station = (fin.chains - np.arange(fin.chains) - 0.5) * length / fin.chains
+    root = np.cumsum(along, axis=2) - along + station[:, None, None, None] * [1.0, 0.0, 0.0]
+    root_rate = np.cumsum(along_rate, axis=2) - along_rate
+    local = root[..., None, :] + fractions[:, None] * along[..., None, :]
+    local_rate = root_rate[..., None, :] + fractions[:, None] * along_rate[..., None, :]
+
+    def to_body(matrix: NDArray, vectors: NDArray) -> NDArray:
+        return np.einsum('tab,ntmpb->ntmpa', matrix, vectors)
+
+    positions = origin[:, None, None] + to_body(turn, local)
+    relative = origin_rate[:, None, None] + to_body(turn_rate, local) + to_body(turn, local_rate)
+    velocity, omega = history.twist[:, None, None, :3], history.twist[:, None, None, 3:]
+    spin = np.einsum('tab,tcb->tac', turn_rate, turn)  # of the support against the body, as a matrix
+    omega_0 = np.stack([spin[:, 2, 1], spin[:, 0, 2], spin[:, 1, 0]], axis=-1)
+    twist_0 = np.concatenate([origin_rate - np.cross(omega_0, origin), omega_0], axis=-1)
+    return FinMotion(positions, velocity + np.cross(omega, positions) + relative, twist_0)
+
+
+def _chord(parameters: Parameters) -> float:
+    """Return ds [m], the share of the chord that a chain stands for."""
+    return parameters.rods.support_length / parameters.fin.chains
+
+
+def _point_mass(parameters: Parameters) -> float:
+    """Return half the mass of a link [kg]."""
+    fin = parameters.fin
+    return 0.5 * fin.density * fin.thickness * fin.span / fin.links * _chord(parameters)
+
+
+def to_world(history: History) -> NDArray:
+    """Return the rotations (T, 3, 3) from F_b to the world."""
+    return Rotation.from_quat(history.orientation).as_matrix()
+
+
+def energy(parameters: Parameters, history: History) -> dict[str, NDArray]:
+    """Return (T,) [J]: `kinetic` of body and links, `elastic` (13), `buoyancy`, of weight and buoyancy apart (35)."""
+    body, fin = parameters.body, parameters.fin
+    inertia = np.array([body.mass] * 3 + list(body.inertia))
+    kinetic = 0.5 * np.sum(inertia * history.twist**2, axis=1)
+    for side in range(2):
+        velocities = fin_motion(parameters, history, side, GAUSS_POINTS).velocities
+        kinetic = kinetic + 0.5 * _point_mass(parameters) * np.sum(velocities**2, axis=(0, 2, 3, 4))
+    link = fin.span / fin.links
+    curvature = 2.0 * np.tan(0.5 * history.joint_angles) / link
+    bending_stiffness = fin.youngs_modulus * fin.thickness**3 / 12.0
+    elastic = 0.5 * bending_stiffness * link * _chord(parameters) * np.sum(curvature**2, axis=(1, 2, 3))
+    height = to_world(history)[:, 2] @ np.array(body.buoyancy_center)
+    return {'kinetic': kinetic, 'elastic': elastic, 'buoyancy': -body.mass * body.gravity * height}
+
+
+def power(parameters: Parameters, history: History) -> dict[str, NDArray]:
+    """Return (T,) [W] each: what `rods`, `drag` of fins and body, `added mass` and `dampers` do on the robot.
+
+    The rods move the supports against the body, and the support hands the fin's wrench on: -wrench . relative twist.
+    """
+    body, fin, water = parameters.body, parameters.fin, parameters.water
+    rods, on_fins, set_in_motion = np.zeros((3, len(history.time)))
+    rotations = to_world(history)
+    current = np.einsum('tba,b->ta', rotations, np.array(water.current))
+    for side in range(2):
+        ends = fin_motion(parameters, history, side, ENDS)
+        middle = fin_motion(parameters, history, side, MIDPOINT).velocities[..., 0, :]
+        forces = drag_forces(
+            parameters, ends.positions[..., 0, :], ends.positions[..., 1, :], middle - current[:, None])
+        on_fins += _chord(parameters) * np.sum(forces * middle, axis=(0, 2, 3))
+        if water.added_mass_coefficient > 0.0:
+            in_world = np.einsum('tab,ntmb->ntma', rotations, middle)
+            followed = make_interp_spline(history.time, in_world, k=5, axis=1)
+            accelerations = np.einsum('tba,ntmb->ntma', rotations, followed.derivative()(history.time))
+            forces = added_mass_forces(
+                parameters, ends.positions[..., 0, :], ends.positions[..., 1, :], accelerations)
+            set_in_motion += _chord(parameters) * np.sum(forces * middle, axis=(0, 2, 3))
+        rods -= np.sum(history.fin_wrenches[:, side] * ends.relative_twist, axis=1)
+    through_water = history.twist[:, :3] - current
+    speed = np.linalg.norm(through_water, axis=1, keepdims=True)
+    drag = -0.5 * water.density * np.multiply(body.drag_area, body.drag_coefficient) * speed * through_water
+    joints = -fin.joint_damping * _chord(parameters) * np.sum(history.joint_rates**2, axis=(1, 2, 3))
+    return {
+        'rods': rods,
+        'drag': on_fins + np.sum(drag * history.twist[:, :3], axis=1),
+        'added mass': set_in_motion,
+        'dampers': joints - np.sum(np.array(body.angular_damping) * history.twist[:, 3:] ** 2, axis=1),
+    }
+
+
+def momentum(parameters: Parameters, history: History) -> NDArray:
+    """Return (T, 6): linear [N s] and angular [N m s] momentum of the robot, about the world's origin."""
+    body, rotations = parameters.body, to_world(history)
+    linear = body.mass * history.twist[:, :3]
+    angular = np.array(body.inertia) * history.twist[:, 3:]  # about the centre of mass
+    for side in range(2):
+        points = fin_motion(parameters, history, side, GAUSS_POINTS)
+        linear = linear + _point_mass(parameters) * np.sum(points.velocities, axis=(0, 2, 3))
+        angular = angular + _point_mass(parameters) * np.sum(
+            np.cross(points.positions, points.velocities), axis=(0, 2, 3))
+    linear, angular = (np.einsum('tab,tb->ta', rotations, vector) for vector in (linear, angular))
+    return np.concatenate([linear, angular + np.cross(history.position, linear)], axis=1)
+
+
+def without_smoothing(parameters: Parameters) -> Parameters:
+    """Return parameters with which commands are taken at once, as (38) has them."""
+    return parameters.replace(rods={'command_time_constant': 0.0})

@@ -1,0 +1,154 @@
+"""The rigid body, (34) to (37).
+
+The body's state (13,) holds position, orientation x, y, z, w, and twist. Between stages its quaternion has any norm.
+"""
+
+from __future__ import annotations
+
+from math import sqrt
+
+import numpy as np
+
+from manta_sim_ros.dynamics._kernels.compilation import kernel
+from manta_sim_ros.dynamics._kernels.constants import BodyConstants
+from manta_sim_ros.dynamics._kernels.geometry import (
+    Rotation,
+    Vector,
+    Wrench,
+    add,
+    cross,
+    rotate,
+    rotate_back,
+    rotation_of,
+    subtract,
+)
+from manta_sim_ros.dynamics._kernels.inputs import Inputs
+from manta_sim_ros.dynamics._kernels.layout import BodyArrays
+
+LEAST_PIVOT = 1e-300
+"""Below it an inertia is not positive definite."""
+
+
+@kernel
+def body_wrench(
+    body: BodyConstants, inputs: Inputs, rotation: Rotation, velocity: Vector, omega: Vector, current: Vector,
+) -> Wrench:
+    """Return all of (36) but the fins' wrenches and the acceleration, in F_b: drag, righting moment, gyroscopic terms.
+
+    External wrenches are in it. `rotation` is R_b; `velocity` and `omega` are the twist, `current` is the velocity of
+    the water, components in F_b.
+    """
+    drag, damping, inertia = body.drag, body.angular_damping, body.inertia
+    relative = subtract(velocity, current)
+    speed = sqrt(relative[0] ** 2 + relative[1] ** 2 + relative[2] ** 2)
+    turning = cross(omega, velocity)
+    force = (  # (34), (37); weight and buoyancy cancel
+        -speed * drag[0] * relative[0] - body.mass * turning[0],
+        -speed * drag[1] * relative[1] - body.mass * turning[1],
+        -speed * drag[2] * relative[2] - body.mass * turning[2],
+    )
+    righting = cross(body.buoyancy_center, rotate_back(rotation, (0.0, 0.0, body.buoyancy)))  # (35)
+    damped = (-damping[0] * omega[0], -damping[1] * omega[1], -damping[2] * omega[2])
+    spin = (inertia[0] * omega[0], inertia[1] * omega[1], inertia[2] * omega[2])
+    moment = subtract(add(damped, righting), cross(omega, spin))
+    of_body, of_world = inputs.body_wrench, inputs.world_wrench
+    return Wrench(
+        add(force, add(of_body.force, rotate_back(rotation, of_world.force))),
+        add(moment, add(of_body.moment, rotate_back(rotation, of_world.moment))),
+    )
+
+
+@kernel
+def body_acceleration(body: BodyConstants, load: Wrench) -> tuple[Vector, Vector]:
+    """Return the derivative of the twist's components in F_b [m/s^2, rad/s^2], (36), of the whole load on the body."""
+    force, moment, mass, inertia = load.force, load.moment, body.mass, body.inertia
+    return (
+        (force[0] / mass, force[1] / mass, force[2] / mass),
+        (moment[0] / inertia[0], moment[1] / inertia[1], moment[2] / inertia[2]),
+    )
+
+
+@kernel
+def solve_body(body: BodyConstants, load: Wrench, arrays: BodyArrays) -> bool:
+    """Fill the acceleration that satisfies (36) with the fins' wrenches affine in it; return whether there is one.
+
+    `load` is the load on the body but for the fins, in F_b.
+    """
+    force, moment, mass, moments = load.force, load.moment, body.mass, body.inertia
+    matrix, acceleration, inertia, wrench = arrays.matrix, arrays.acceleration, arrays.inertia, arrays.wrench
+    for i in range(6):
+        acceleration[i] = (force[i] if i < 3 else moment[i - 3]) + (wrench[0, i] + wrench[1, i])
+        for j in range(6):
+            matrix[i, j] = inertia[0, i, j] + inertia[1, i, j]
+        matrix[i, i] += mass if i < 3 else moments[i - 3]
+    return _solve(matrix, acceleration)
+
+
+@kernel
+def _solve(matrix: np.ndarray, right: np.ndarray) -> bool:
+    """Solve a symmetric positive definite system in place, `right` becoming the solution; return whether it is one.
+
+    By Cholesky's factors, whose order of operations keeps the zeros of a motion in the plane of symmetry.
+    """
+    size = right.shape[0]
+    for j in range(size):
+        pivot = matrix[j, j]
+        for k in range(j):
+            pivot -= matrix[j, k] * matrix[j, k]
+        if not pivot > LEAST_PIVOT:  # also refuses nan
+            return False
+        root = sqrt(pivot)
+        matrix[j, j] = root
+        for i in range(j + 1, size):
+            entry = matrix[i, j]
+            for k in range(j):
+                entry -= matrix[i, k] * matrix[j, k]
+            matrix[i, j] = entry / root
+    for i in range(size):
+        for k in range(i):
+            right[i] -= matrix[i, k] * right[k]
+        right[i] /= matrix[i, i]
+    for i in range(size - 1, -1, -1):
+        for k in range(i + 1, size):
+            right[i] -= matrix[k, i] * right[k]
+        right[i] /= matrix[i, i]
+    return True
+
+
+@kernel
+def attitude(state: np.ndarray) -> Rotation:
+    """Return R_b of the body's state (13,)."""
+    x, y, z, w = state[3], state[4], state[5], state[6]
+    norm = sqrt(x * x + y * y + z * z + w * w)
+    return rotation_of((x / norm, y / norm, z / norm, w / norm))
+
+
+@kernel
+def body_derivative(state: np.ndarray, rotation: Rotation, acceleration: np.ndarray, derivative: np.ndarray) -> None:
+    """Fill the time derivative (13,) of the body's state: x-dot = R V, q-dot = q (Omega, 0) / 2, and `acceleration`."""
+    x, y, z, w = state[3], state[4], state[5], state[6]
+    p, q, r = 0.5 * state[10], 0.5 * state[11], 0.5 * state[12]
+    derivative[0], derivative[1], derivative[2] = rotate(rotation, (state[7], state[8], state[9]))
+    derivative[3] = w * p + y * r - z * q
+    derivative[4] = w * q + z * p - x * r
+    derivative[5] = w * r + x * q - y * p
+    derivative[6] = -(x * p + y * q + z * r)
+    for i in range(6):
+        derivative[7 + i] = acceleration[i]
+
+
+@kernel
+def normalize(state: np.ndarray) -> None:
+    """Bring the quaternion of the body's state (13,) back to the unit sphere."""
+    norm = sqrt(state[3] ** 2 + state[4] ** 2 + state[5] ** 2 + state[6] ** 2)
+    for i in range(4):
+        state[3 + i] /= norm
+
+
+@kernel
+def slower_than(fastest: float, twist: np.ndarray) -> bool:
+    """Return whether every component of a twist (6,) [m/s, rad/s] is below `fastest`."""
+    slower = True
+    for i in range(6):
+        slower = slower and abs(twist[i]) < fastest  # also refuses nan
+    return slower

@@ -1,0 +1,90 @@
+"""The parameters as the kernels take them: what does not change while a simulation runs."""
+
+from __future__ import annotations
+
+from math import pi
+from typing import NamedTuple
+
+import numpy as np
+
+from manta_sim_ros.dynamics._kernels.geometry import Vector
+from manta_sim_ros.dynamics._kernels.layout import stations
+from manta_sim_ros.dynamics.parameters import Parameters
+
+
+class FinConstants(NamedTuple):
+    """One fin, per unit chord."""
+
+    chains: int  # n
+    station: np.ndarray  # (row,), s of each chain from A [m]
+    chain_spacing: float  # ds [m]
+    link_length: float  # dl [m]
+    link_mass: float  # rho_f h dl [kg/m]
+    stiffness: float  # 2 E I / dl [N], with I = h^3 / 12
+    damping: float  # c [N s]
+    drag: float  # rho C_D dl / 2 [kg/m^2]
+    added_mass: float  # C_a rho_a pi L dl / 4 [kg/m]
+
+
+class RodConstants(NamedTuple):
+    """The rods and the support of the left fin."""
+
+    front_radius: float  # r_1 [m]
+    rear_radius: float  # r_2 [m]
+    support_length: float  # L [m]
+    motor_position: Vector  # bP_l [m]
+    time_constant: float  # of the smoothing of commands [s]
+
+
+class BodyConstants(NamedTuple):
+    """The rigid body."""
+
+    mass: float  # m_b [kg]
+    inertia: Vector  # J_b [kg m^2]
+    drag: Vector  # rho S_B C_B / 2 [kg/m]
+    angular_damping: Vector  # C_M [N m s]
+    buoyancy_center: Vector  # r_b [m]
+    buoyancy: float  # m_b g [N]
+
+
+class Constants(NamedTuple):
+    """All of them."""
+
+    fin: FinConstants
+    rods: RodConstants
+    body: BodyConstants
+    time_step: float  # [s]
+    fixed_base: bool
+
+
+def constants(parameters: Parameters) -> Constants:
+    """Return the parameters as the kernels take them."""
+    fin, rods, body, water = parameters.fin, parameters.rods, parameters.body, parameters.water
+    link_length = fin.span / fin.links
+    bending_stiffness = fin.youngs_modulus * fin.thickness**3 / 12.0
+    drag = 0.5 * water.density * np.multiply(body.drag_area, body.drag_coefficient)
+    return Constants(
+        fin=FinConstants(
+            chains=fin.chains,
+            station=stations(fin.chains, rods.support_length),
+            chain_spacing=rods.support_length / fin.chains,
+            link_length=link_length,
+            link_mass=fin.density * fin.thickness * link_length,
+            stiffness=2.0 * bending_stiffness / link_length,
+            damping=fin.joint_damping,
+            drag=0.5 * water.density * fin.drag_coefficient * link_length,
+            added_mass=(
+                water.added_mass_coefficient * water.added_mass_density * pi / 4.0 * rods.support_length * link_length
+            ),
+        ),
+        rods=RodConstants(
+            rods.front_radius, rods.rear_radius, rods.support_length, rods.rear_motor_position,
+            rods.command_time_constant,
+        ),
+        body=BodyConstants(
+            body.mass, body.inertia, tuple(drag.tolist()), body.angular_damping,
+            body.buoyancy_center, body.mass * body.gravity,
+        ),
+        time_step=parameters.solver.time_step,
+        fixed_base=parameters.solver.fixed_base,
+    )

@@ -1,0 +1,191 @@
+"""How a fin lies in memory: link-major, [link, chain], so that the compiler's vector units run across chains.
+
+Link 0 is at the root, chain 0 at the leading edge. Rows are padded, so that no loop over chains has a remainder: what
+pads a row repeats the last chain.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from manta_sim_ros.dynamics._kernels.compilation import kernel
+
+LANES = 16
+"""A row is as long as the next multiple of this many chains."""
+
+_ALIGNMENT = 64
+"""Of rows in memory [bytes]: what crosses a cache line costs a twentieth of the speed."""
+
+
+class Links(NamedTuple):
+    """Working arrays of one fin, [link, chain]. The letters are those of `fin`."""
+
+    # kept for each fin
+    q: np.ndarray  # joint angle [rad]
+    q_dot: np.ndarray
+    q_ddot: np.ndarray
+    start_q: np.ndarray  # at the beginning of the step
+    start_q_dot: np.ndarray
+    total_q: np.ndarray  # start and slopes of the stages so far
+    total_q_dot: np.ndarray
+    c: np.ndarray
+    s: np.ndarray
+    h_y: np.ndarray
+    h_z: np.ndarray
+    d_inverse: np.ndarray  # 1 / D
+    u: np.ndarray  # tau - nu
+    g_y: np.ndarray  # change of the acceleration along the link, without the joints' accelerations [1/s^2]
+    g_z: np.ndarray
+    k_1: np.ndarray  # torque per component of e, for the added mass of `fin_inertia`
+    k_2: np.ndarray
+    k_3: np.ndarray
+    # used by one fin after the other
+    w: np.ndarray
+    y: np.ndarray
+    z: np.ndarray
+    y_dot: np.ndarray
+    z_dot: np.ndarray
+    torque: np.ndarray  # elastic and damping torque of the link's joint [N]
+    slope: np.ndarray
+    load: np.ndarray  # of the water along (slope, -s, c) [N/m]
+    mu: np.ndarray  # added mass over 1 + slope^2 [kg/m]
+
+
+_KEPT = Links._fields.index('w')
+
+
+class Chains(NamedTuple):
+    """Working arrays of one fin, [chain]: what a pass hands from link to link, and what it leaves at the root."""
+
+    tip_c: np.ndarray
+    tip_s: np.ndarray
+    tip_w: np.ndarray
+    tip_y: np.ndarray
+    tip_z: np.ndarray
+    tip_y_dot: np.ndarray
+    tip_z_dot: np.ndarray
+    m_yy: np.ndarray  # M
+    m_yz: np.ndarray
+    m_zz: np.ndarray
+    p_y: np.ndarray  # p
+    p_z: np.ndarray
+    torque: np.ndarray  # of the joint at the root end [N]
+    a_y: np.ndarray  # acceleration of the hinge [m/s^2]
+    a_z: np.ndarray
+    w_dot: np.ndarray
+    b_y1: np.ndarray  # B, C and r of `fin_inertia`
+    b_y2: np.ndarray
+    b_y3: np.ndarray
+    b_z1: np.ndarray
+    b_z2: np.ndarray
+    b_z3: np.ndarray
+    c_11: np.ndarray
+    c_12: np.ndarray
+    c_13: np.ndarray
+    c_22: np.ndarray
+    c_23: np.ndarray
+    c_33: np.ndarray
+    r_1: np.ndarray
+    r_2: np.ndarray
+    r_3: np.ndarray
+
+
+class BodyArrays(NamedTuple):
+    """Working arrays of the monolithic coupling."""
+
+    state: np.ndarray  # (1, 13): position, orientation x, y, z, w of any norm, and twist
+    start: np.ndarray  # (1, 13), at the beginning of the step
+    total: np.ndarray  # (1, 13), start and slopes of the stages so far
+    slope: np.ndarray  # (1, 13), the time derivative of `state`
+    acceleration: np.ndarray  # (6,), of the twist's components
+    at_rest: np.ndarray  # (6,), zeros
+    matrix: np.ndarray  # (6, 6), of the six equations
+    product: np.ndarray  # (6, 6), scratch
+    inertia: np.ndarray  # (2, 6, 6) [fin], how the wrench of a fin falls with the body's acceleration, in F_b
+    wrench: np.ndarray  # (2, 6) [fin], the wrench of a fin when the body does not accelerate, in F_b
+    transform: np.ndarray  # (2, 6, 6) [fin], from the body's acceleration, mirrored, to the support's
+    support: np.ndarray  # (2, 6) [fin], the support's acceleration when the body does not accelerate, in F_0
+    omega: np.ndarray  # (2, 3) [fin], Omega_0
+    at_support: np.ndarray  # (6, 6), the inertia of a fin about A, in F_0
+    bias: np.ndarray  # (6,), of the same
+
+
+class Workspace(NamedTuple):
+    """The memory of a simulation's working arrays."""
+
+    kept: np.ndarray  # (2, k, links, row), the first k fields of `Links` for each fin
+    shared: np.ndarray  # (fields - k, links, row), the other fields
+    chains: np.ndarray  # (fields of `Chains`, row)
+    body: BodyArrays
+
+
+def row_length(chains: int) -> int:
+    """Return the length of a row that holds `chains` chains."""
+    return -(-chains // LANES) * LANES
+
+
+def stations(chains: int, support_length: float) -> np.ndarray:
+    """Return where the chains stand on the support, s from A [m], midpoint rule, padded to `row_length(chains)`."""
+    spacing = support_length / chains
+    inside = support_length - (np.arange(chains) + 0.5) * spacing
+    return np.concatenate((inside, np.full(row_length(chains) - chains, inside[-1])))
+
+
+def workspace(chains: int, links: int) -> Workspace:
+    """Return new memory, all zero: what a simulation without added mass never writes must stay so."""
+    row = row_length(chains)
+    vector, matrix = (6,), (6, 6)
+    return Workspace(
+        kept=_aligned_zeros((2, _KEPT, links, row)),
+        shared=_aligned_zeros((len(Links._fields) - _KEPT, links, row)),
+        chains=_aligned_zeros((len(Chains._fields), row)),
+        body=BodyArrays(*map(np.zeros, (
+            (1, 13), (1, 13), (1, 13), (1, 13), vector, vector, matrix, matrix,
+            (2, 6, 6), (2, 6), (2, 6, 6), (2, 6), (2, 3), matrix, vector))),
+    )
+
+
+def _aligned_zeros(shape: tuple[int, ...]) -> np.ndarray:
+    size, spare = int(np.prod(shape)), _ALIGNMENT // 8
+    memory = np.zeros(size + spare)
+    start = -memory.ctypes.data // 8 % spare
+    return memory[start:start + size].reshape(shape)
+
+
+@kernel
+def links_of(work: Workspace, side: int) -> Links:
+    """Return the working arrays of one fin, [link, chain]."""
+    a, b = work.kept[side], work.shared
+    return Links(
+        a[0], a[1], a[2], a[3], a[4], a[5], a[6], a[7], a[8], a[9], a[10], a[11], a[12], a[13], a[14], a[15], a[16],
+        a[17], b[0], b[1], b[2], b[3], b[4], b[5], b[6], b[7], b[8],
+    )
+
+
+@kernel
+def chains_of(work: Workspace) -> Chains:
+    """Return the working arrays of the fin that is looked at, [chain]."""
+    a = work.chains
+    return Chains(
+        a[0], a[1], a[2], a[3], a[4], a[5], a[6], a[7], a[8], a[9], a[10], a[11], a[12], a[13], a[14], a[15], a[16],
+        a[17], a[18], a[19], a[20], a[21], a[22], a[23], a[24], a[25], a[26], a[27], a[28], a[29], a[30],
+    )
+
+
+@kernel
+def to_rows(joints: np.ndarray, rows: np.ndarray) -> None:
+    """Lay (n, m) out as [link, chain]."""
+    last = joints.shape[0] - 1
+    for j in range(rows.shape[0]):
+        for k in range(rows.shape[1]):
+            rows[j, k] = joints[min(k, last), j]
+
+
+@kernel
+def from_rows(rows: np.ndarray, joints: np.ndarray) -> None:
+    """Lay [link, chain] out as (n, m), without what pads a row."""
+    for k in range(joints.shape[0]):
+        for j in range(joints.shape[1]):
+            joints[k, j] = rows[j, k]

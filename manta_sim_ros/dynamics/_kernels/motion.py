@@ -1,0 +1,104 @@
+"""The state of a simulation as the kernels take and change it, and how their calls end."""
+
+from __future__ import annotations
+
+from math import pi
+from typing import NamedTuple
+
+import numpy as np
+
+from manta_sim_ros.dynamics._kernels.compilation import kernel
+from manta_sim_ros.dynamics._kernels.gait import Gait
+from manta_sim_ros.dynamics._kernels.geometry import Wrench, mirror_axial, mirror_polar
+from manta_sim_ros.dynamics._kernels.layout import Links, Workspace, from_rows, links_of, to_rows
+
+FIN_DIVERGED, BODY_DIVERGED, NO_SOLUTION = 1, 2, 3
+"""How a step failed: a joint, the body, or the six equations for the body's acceleration."""
+
+FASTEST = 1e3
+"""Velocity [m/s] and angular velocity [rad/s] of the body that no motion of the robot comes near: it has diverged."""
+
+
+class Motion(NamedTuple):
+    """The state of a simulation; fields as in `State`."""
+
+    position: np.ndarray  # (3,)
+    orientation: np.ndarray  # (4,), x, y, z, w
+    twist: np.ndarray  # (6,)
+    acceleration: np.ndarray  # (6,)
+    joint_angles: np.ndarray  # (2, n, m)
+    joint_rates: np.ndarray  # (2, n, m)
+    gait: np.ndarray  # (2, 5)
+    gait_rates: np.ndarray  # (2, 5)
+    gait_commands: np.ndarray  # (2, 5)
+    cycle_angles: np.ndarray  # (2,)
+    rod_angles: np.ndarray  # (2, 2)
+    fin_wrenches: np.ndarray  # (2, 6)
+
+
+class FinState(NamedTuple):
+    """What the accelerations of one fin depend on, and where they go; as in `fin_dynamics`."""
+
+    rods: np.ndarray  # (2, 3) front, rear; angle and its derivatives
+    joint_angles: np.ndarray  # (n, m)
+    joint_rates: np.ndarray  # (n, m)
+    body_twist: np.ndarray  # (6,)
+    body_acceleration: np.ndarray  # (6,)
+    joint_accelerations: np.ndarray  # (n, m), filled
+
+
+class Outcome(NamedTuple):
+    """How a call of many steps ended; the kernels return its fields as a plain tuple."""
+
+    steps: int  # that were taken
+    failure: int  # 0, or one of the constants above
+    side: int  # of the joint that failed
+    chain: int  # of the joint that failed
+
+
+@kernel
+def gait_of(motion: Motion, side: int) -> Gait:
+    """Return the gait of one fin."""
+    return Gait(motion.gait[side], motion.gait_rates[side], motion.gait_commands[side], motion.cycle_angles[side])
+
+
+@kernel
+def load_joints(motion: Motion, work: Workspace) -> None:
+    """Lay the joints of both fins out as [link, chain]."""
+    for side in range(2):
+        links = links_of(work, side)
+        to_rows(motion.joint_angles[side], links.q)
+        to_rows(motion.joint_rates[side], links.q_dot)
+
+
+@kernel
+def store_joints(work: Workspace, motion: Motion) -> None:
+    """Lay the joints of both fins out as (n, m)."""
+    for side in range(2):
+        links = links_of(work, side)
+        from_rows(links.q, motion.joint_angles[side])
+        from_rows(links.q_dot, motion.joint_rates[side])
+
+
+@kernel
+def store_wrench(wrench: Wrench, side: int, wrenches: np.ndarray) -> None:
+    """Put the wrench of one fin, in the left fin's coordinates, into its row of an array (2, 6) in F_b."""
+    force, moment = mirror_polar(wrench.force, side), mirror_axial(wrench.moment, side)
+    for axis in range(3):
+        wrenches[side, axis], wrenches[side, 3 + axis] = force[axis], moment[axis]
+
+
+@kernel
+def diverged_chain(links: Links, chains: int) -> int:
+    """Return the first chain with a joint at or past +-pi or not finite, or -1."""
+    q, q_dot = links.q, links.q_dot
+    diverged = 0
+    for j in range(q.shape[0]):
+        for k in range(chains):
+            diverged += 0 if abs(q[j, k]) < pi and abs(q_dot[j, k]) < np.inf else 1
+    if diverged:
+        for k in range(chains):
+            for j in range(q.shape[0]):
+                if not (abs(q[j, k]) < pi and abs(q_dot[j, k]) < np.inf):
+                    return k
+    return -1

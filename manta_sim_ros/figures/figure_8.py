@@ -1,0 +1,103 @@
+"""Figure 8: mean thrust of both fins with the body held, against amplitude and against phase."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from manta_sim_ros.dynamics import Parameters
+from manta_sim_ros.figures.gaits import gait, robot
+from manta_sim_ros.figures.periodic import recurring
+from manta_sim_ros.figures.record import flap
+from manta_sim_ros.figures.style import MARKERS
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+FREQUENCIES = (0.2, 0.3, 0.4, 0.51, 0.6)
+"""[Hz]; 0.51 is the one that the text names, the prototype reaches 0.6."""
+AMPLITUDES = (10.0, 20.0, 30.0, 40.0, 50.0)
+PHASES = (-30.0, -20.0, -10.0, 0.0, 10.0, 20.0, 30.0)
+PHASE_OF_AMPLITUDES, AMPLITUDE_OF_PHASES = 30.0, 30.0
+"""[degrees] what stays the same in the left and in the right plot."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Figure8:
+    """Mean thrust over one period, once the thrust is periodic; negative is backward."""
+
+    height = 3.2
+
+    frequencies: tuple[float, ...]
+    """F of them [Hz]."""
+    amplitudes: tuple[float, ...]
+    """A of them [degrees], at phase 30."""
+    phases: tuple[float, ...]
+    """P of them [degrees], at amplitude 30."""
+    thrust_of_amplitude: np.ndarray
+    """(F, A) [N]."""
+    thrust_of_phase: np.ndarray
+    """(F, P) [N]."""
+    longest_transient: int
+    """Periods before the thrust is periodic, of the case where it lasts longest."""
+
+    @classmethod
+    def measure(
+        cls, parameters: Parameters | None = None, frequencies: tuple[float, ...] = FREQUENCIES,
+        amplitudes: tuple[float, ...] = AMPLITUDES, phases: tuple[float, ...] = PHASES,
+        done: Callable[[], object] = lambda: None,
+    ) -> Figure8:
+        """Flap the fins of a held robot, by default the paper's, in every gait; `done` is called after each."""
+        transients = []
+
+        def measured(amplitude: float, frequency: float, phase: float) -> float:
+            transient, thrust = mean_thrust(parameters, amplitude, frequency, phase)
+            transients.append(transient)
+            done()
+            return thrust
+
+        of_amplitude = [[measured(amplitude, frequency, PHASE_OF_AMPLITUDES) for amplitude in amplitudes]
+                        for frequency in frequencies]
+        of_phase = [[measured(AMPLITUDE_OF_PHASES, frequency, phase) for phase in phases]
+                    for frequency in frequencies]
+        return cls(frequencies, amplitudes, phases, np.array(of_amplitude), np.array(of_phase), max(transients))
+
+    def columns(self) -> dict[str, np.ndarray]:
+        """Return what the figure shows as columns of equal length, the left plot's rows first."""
+        rows = [(frequency, amplitude, PHASE_OF_AMPLITUDES, thrust)
+                for frequency, thrusts in zip(self.frequencies, self.thrust_of_amplitude, strict=True)
+                for amplitude, thrust in zip(self.amplitudes, thrusts, strict=True)]
+        rows += [(frequency, AMPLITUDE_OF_PHASES, phase, thrust)
+                 for frequency, thrusts in zip(self.frequencies, self.thrust_of_phase, strict=True)
+                 for phase, thrust in zip(self.phases, thrusts, strict=True)]
+        names = ('frequency [Hz]', 'amplitude [deg]', 'phase [deg]', 'mean thrust [N]')
+        return dict(zip(names, np.array(rows).T, strict=True))
+
+    def draw(self, figure: Figure) -> None:
+        """Draw thrust against amplitude and against phase, a line a frequency."""
+        left, right = figure.subplots(1, 2, sharey=True)
+        for marker, frequency, of_amplitude, of_phase in zip(
+                MARKERS, self.frequencies, self.thrust_of_amplitude, self.thrust_of_phase, strict=False):
+            left.plot(self.amplitudes, of_amplitude, marker=marker, label=f'{frequency:g} Hz')
+            right.plot(self.phases, of_phase, marker=marker)
+        left.set_xlabel('amplitude A [degrees]')
+        left.set_ylabel('mean thrust of both fins [N]')
+        left.set_title(f'φ = {PHASE_OF_AMPLITUDES:.0f}°', fontsize=9)
+        left.legend(title='frequency', title_fontsize=8)
+        right.set_xlabel('phase φ of the front rod ahead [degrees]')
+        right.set_title(f'A = {AMPLITUDE_OF_PHASES:.0f}°', fontsize=9)
+        for axes in (left, right):
+            axes.axhline(0.0, color='0.6', linewidth=0.8, zorder=0)
+
+
+def mean_thrust(
+    parameters: Parameters | None, amplitude: float, frequency: float, phase: float,
+) -> tuple[int, float]:
+    """Return how many periods the transient lasts with the body held, and the mean thrust of a period after it [N]."""
+    both = gait(amplitude, frequency, phase)
+    held = robot(parameters, solver={'fixed_base': True})
+    transient, period = recurring(flap(held, both, both), lambda record: record.wrench[:, 0])
+    return transient, float(period.wrench[:, 0].mean())

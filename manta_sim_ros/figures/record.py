@@ -1,0 +1,107 @@
+"""Simulations as arrays: the states of a gait, a fixed number of samples a flapping period."""
+
+from __future__ import annotations
+
+import dataclasses
+import itertools
+import math
+from collections.abc import Iterable, Iterator
+from typing import Any
+
+import numpy as np
+
+from manta_sim_ros.dynamics import FinCommand, Parameters, Simulator, State
+
+SAMPLES = 100
+"""Samples a flapping period."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Record:
+    """States at even times; the first axis of every array is time, T samples. Frames and units are those of State.
+
+    Sample i is at (i + 1) / `samples` periods after the beginning, so that every period has all of its samples.
+    """
+
+    parameters: Parameters
+    """The robot, with the time step that was used."""
+    period: float
+    """Flapping period [s]."""
+    samples: int
+    """Samples a period."""
+    time: np.ndarray
+    """(T,) [s]."""
+    position: np.ndarray
+    """(T, 3) world frame [m]."""
+    orientation: np.ndarray
+    """(T, 4) x, y, z, w."""
+    twist: np.ndarray
+    """(T, 6) F_b [m/s, rad/s]."""
+    fin_wrenches: np.ndarray
+    """(T, 2, 6) [fin], F_b, about the centre of mass [N, N m]."""
+    rod_angles: np.ndarray
+    """(T, 2, 2) [fin, front or rear] [rad]."""
+    joint_angles: np.ndarray
+    """(T, 2, n, m) [fin, chain, link] [rad]."""
+
+    @property
+    def wrench(self) -> np.ndarray:
+        """(T, 6) of both fins on the body, F_b, about the centre of mass [N, N m]."""
+        return self.fin_wrenches[:, 0] + self.fin_wrenches[:, 1]
+
+    @property
+    def periods(self) -> int:
+        """Number of whole periods."""
+        return len(self.time) // self.samples
+
+    def by_period(self, values: np.ndarray) -> np.ndarray:
+        """Return values (T, ...) at the samples as (periods, samples, ...)."""
+        return values.reshape(self.periods, self.samples, *values.shape[1:])
+
+
+ARRAYS = tuple(field.name for field in dataclasses.fields(Record) if field.type == 'np.ndarray')
+
+
+def flap(parameters: Parameters, left: FinCommand, right: FinCommand, samples: int = SAMPLES) -> Iterator[Record]:
+    """Yield a Record of each flapping period from rest on, without end.
+
+    The time step is the largest that is no larger than `solver.time_step` and divides the time between two samples.
+
+    Raises
+    ------
+    ValueError
+        The fins flap at different frequencies or not at all, or a gait is impossible.
+
+    """
+    if not left.frequency == right.frequency > 0.0:
+        raise ValueError(
+            f'the frequencies are {left.frequency:g} Hz left and {right.frequency:g} Hz right, but must be the same '
+            'and greater than 0 Hz to have a period')
+    period = 1.0 / left.frequency
+    steps = math.ceil(period / (samples * parameters.solver.time_step) - 1e-9)
+    time_step = period / (samples * steps)
+    parameters = parameters.replace(solver={'time_step': time_step})
+    simulator = Simulator(parameters)
+    simulator.command(left=left, right=right)
+    while True:
+        states = [simulator.advance(steps * time_step) for _ in range(samples)]
+        yield Record(parameters, period, samples, **{name: stacked(states, name) for name in ARRAYS})
+
+
+def record(
+    parameters: Parameters, left: FinCommand, right: FinCommand, periods: int, samples: int = SAMPLES,
+) -> Record:
+    """Return the first `periods` periods of `flap` as one Record."""
+    return joined(itertools.islice(flap(parameters, left, right, samples), periods))
+
+
+def joined(records: Iterable[Record]) -> Record:
+    """Return records that follow each other as one."""
+    parts = list(records)
+    arrays: dict[str, Any] = {name: np.concatenate([getattr(part, name) for part in parts]) for name in ARRAYS}
+    return dataclasses.replace(parts[0], **arrays)
+
+
+def stacked(states: list[State], name: str) -> np.ndarray:
+    """Return one field of states as an array with time as its first axis."""
+    return np.array([getattr(state, name) for state in states])

@@ -1,0 +1,96 @@
+"""The two turning gaits of Figures 10 and 11: trajectories, turning rates and radii, and wrenches."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from manta_sim_ros.dynamics import Parameters
+from manta_sim_ros.figures.gaits import FEW_CHAINS, TURNS, robot
+from manta_sim_ros.figures.periodic import end_mean, settled
+from manta_sim_ros.figures.record import Record, record
+
+PERIODS = 20
+SETTLED = 0.05
+"""A turn is steady from when the yaw rate of each period is within this part of that at the end."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Turn:
+    """A turning gait from rest on."""
+
+    name: str
+    record: Record
+
+    @property
+    def chains(self) -> int:
+        """Chains a fin."""
+        return self.record.parameters.fin.chains
+
+    @property
+    def headings(self) -> np.ndarray:
+        """(T,) direction of the body's x in plan view [rad], positive to the left, without jumps."""
+        return np.unwrap(Rotation.from_quat(self.record.orientation).as_euler('ZYX')[:, 0])
+
+    @property
+    def yaw_rates(self) -> np.ndarray:
+        """(periods,) rate of the heading over each period [degrees/s], positive to the left."""
+        at_ends = np.concatenate([[0.0], self.headings[self.record.samples - 1::self.record.samples]])
+        return np.degrees(np.diff(at_ends)) / self.record.period
+
+    @property
+    def speeds(self) -> np.ndarray:
+        """(periods,) speed along the path, without the flapping [m/s]: of the mean velocity as the heading turns."""
+        velocity = Rotation.from_quat(self.record.orientation).apply(self.record.twist[:, :3])
+        headed = Rotation.from_euler('Z', self.headings[:, None]).inv().apply(velocity)
+        return np.asarray(np.linalg.norm(self.record.by_period(headed).mean(axis=1), axis=1))
+
+    @property
+    def steady_from(self) -> int | None:
+        """From which period on (0 is the first) the yaw rate is steady; None when it is not before the last quarter."""
+        return settled(self.yaw_rates, SETTLED)
+
+    @property
+    def turning_rate(self) -> float:
+        """Mean yaw rate of the last quarter of the periods [degrees/s], positive to the left."""
+        return end_mean(self.yaw_rates)
+
+    @property
+    def turning_radius(self) -> float:
+        """Mean speed over turning rate, both of the last quarter of the periods [m]."""
+        return float(end_mean(self.speeds) / np.radians(abs(self.turning_rate)))
+
+    @property
+    def mean_wrenches(self) -> np.ndarray:
+        """(periods, 6) mean wrench of each period, F_b [N, N m]."""
+        return np.asarray(self.record.by_period(self.record.wrench).mean(axis=1))
+
+
+@dataclasses.dataclass(frozen=True)
+class Turning:
+    """Both sets with the paper's number of chains, then both with fewer."""
+
+    turns: tuple[Turn, ...]
+
+    @classmethod
+    def measure(
+        cls, parameters: Parameters | None = None, periods: int = PERIODS, chains: tuple[int, ...] | None = None,
+        done: Callable[[], object] = lambda: None,
+    ) -> Turning:
+        """Simulate both sets with each number of chains; `done` is called after each."""
+        turns = []
+        default = (robot(parameters).fin.chains, FEW_CHAINS)
+        for number in dict.fromkeys(default if chains is None else chains):
+            for name, (left, right) in TURNS.items():
+                turns.append(Turn(name, record(robot(parameters, fin={'chains': number}), left, right, periods)))
+                done()
+        return cls(tuple(turns))
+
+    @property
+    def by_chains(self) -> dict[int, list[Turn]]:
+        """The turns of each number of chains."""
+        numbers = dict.fromkeys(turn.chains for turn in self.turns)
+        return {number: [turn for turn in self.turns if turn.chains == number] for number in numbers}

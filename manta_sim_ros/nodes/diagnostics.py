@@ -1,0 +1,146 @@
+"""What the node says of itself on /diagnostics, in words: pace, commands, disturbances, motion and time step."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Mapping
+
+import numpy as np
+from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
+
+from manta_sim_ros.nodes.refusals import Refused
+
+PACE_TOLERANCE = 0.95
+"""Part of the real-time factor asked for from which on the machine keeps up."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Health:
+    """How the node is, and has been since the last time that this was asked. Times are simulated [s] unless said."""
+
+    time: float
+    paused: bool
+    wanted_factor: float
+    """Real-time factor that is asked for; 0 is as fast as it can."""
+    reached_factor: float
+    """Real-time factor reached, NaN when paused."""
+    computing: float
+    """Elapsed time that a time step took [s], NaN when there was none."""
+    command_age: float
+    """Since the last command that was taken, NaN when there was none."""
+    timed_out: bool
+    """Whether the fins glide to rest because that was too long ago."""
+    refused: Mapping[str, Refused]
+    """What was refused of each topic that the simulator subscribes to."""
+    current: np.ndarray
+    """Present velocity (3,) of the water, world frame [m/s]."""
+    pushed: bool
+    """Whether a body_wrench acts."""
+    diverged_lately: bool
+    finite: bool
+    """Whether the whole state is."""
+    time_step: float
+    largest_step: float
+    """Largest stable time step of the present gait, an estimate."""
+
+    @property
+    def keeps_up(self) -> bool:
+        """Whether simulated time runs as fast as it is asked to."""
+        return self.paused or not self.reached_factor < PACE_TOLERANCE * self.wanted_factor
+
+
+def statuses(node: str, health: Health) -> list[DiagnosticStatus]:
+    """Return one status for each matter of a node, given by its full name."""
+    return [
+        _status(node, matter, *say(health))
+        for matter, say in (
+            ('pace', _pace), ('commands', _commands), ('disturbances', _disturbances), ('motion', _motion),
+            ('time step', _time_step))]
+
+
+Said = tuple[bytes, str, dict[str, str]]
+"""Level, message and values."""
+
+
+def _pace(health: Health) -> Said:
+    values = {
+        'simulated time [s]': f'{health.time:.3f}', 'real-time factor': _number(health.reached_factor),
+        'real-time factor asked for': f'{health.wanted_factor:g}',
+        'computing time of a step [us]': _number(1e6 * health.computing),
+    }
+    if health.paused:
+        return DiagnosticStatus.OK, 'paused: simulated time stands still', values
+    if not health.keeps_up:
+        return DiagnosticStatus.WARN, (
+            f'this machine cannot keep up: simulated time runs at {health.reached_factor:.2g} times real time instead '
+            f'of {health.wanted_factor:g}'), values
+    return DiagnosticStatus.OK, f'simulated time runs at {health.reached_factor:.2g} times real time', values
+
+
+def _commands(health: Health) -> Said:
+    values = {
+        'age of the last fin_command [s]': _number(health.command_age),
+        'refused': str(health.refused['fin_command'].total),
+        'set_pose refused': str(health.refused['set_pose'].total),
+    }
+    refused = _refused_lately(health, 'fin_command', 'set_pose')
+    if refused:
+        return DiagnosticStatus.WARN, refused, values
+    if health.timed_out:
+        return DiagnosticStatus.WARN, (
+            f'no fin_command for {health.command_age:.3g} s: the amplitudes went to zero, publish a new command'
+        ), values
+    if math.isnan(health.command_age):
+        return DiagnosticStatus.OK, 'no fin_command yet: the fins are at rest', values
+    return DiagnosticStatus.OK, f'the last fin_command came {health.command_age:.3g} s ago', values
+
+
+def _disturbances(health: Health) -> Said:
+    speed = float(np.linalg.norm(health.current))
+    values = {
+        'current [m/s]': ' '.join(f'{component:.3g}' for component in health.current),
+        'body_wrench acts': str(health.pushed).lower(),
+        'disturbances refused': str(sum(health.refused[topic].total for topic in ('current', 'body_wrench'))),
+    }
+    refused = _refused_lately(health, 'current', 'body_wrench')
+    if refused:
+        return DiagnosticStatus.WARN, refused, values
+    water = f'the water flows at {speed:.2g} m/s' if speed > 0.0 else 'the water is still'
+    wrench = 'a body_wrench acts' if health.pushed else 'no external wrench acts'
+    return DiagnosticStatus.OK, f'{water}, {wrench}', values
+
+
+def _refused_lately(health: Health, *topics: str) -> str:
+    """Return what was refused of these topics since the last diagnostics, with the last reason; empty for nothing."""
+    lately = {topic: health.refused[topic] for topic in topics if health.refused[topic].lately}
+    return '; '.join(
+        f'{refused.lately} {topic} refused just now: {refused.reason}' for topic, refused in lately.items())
+
+
+def _motion(health: Health) -> Said:
+    values = {'finite': str(health.finite).lower()}
+    if health.diverged_lately or not health.finite:
+        return DiagnosticStatus.ERROR, (
+            'the motion diverged and the robot was put at rest: command it anew, with a smaller solver.time_step'
+        ), values
+    return DiagnosticStatus.OK, 'position, velocity and fins are sound', values
+
+
+def _time_step(health: Health) -> Said:
+    values = {'solver.time_step [s]': f'{health.time_step:g}', 'largest stable [s]': f'{health.largest_step:.2g}'}
+    if health.time_step > health.largest_step:
+        return DiagnosticStatus.WARN, (
+            f'solver.time_step is {health.time_step:g} s, but this gait is stable up to about '
+            f'{health.largest_step:.2g} s only: the motion may diverge'), values
+    return DiagnosticStatus.OK, 'solver.time_step is small enough for this gait', values
+
+
+def _number(value: float) -> str:
+    return '-' if math.isnan(value) else f'{value:.3g}'
+
+
+def _status(node: str, matter: str, level: bytes, message: str, values: dict[str, str]) -> DiagnosticStatus:
+    return DiagnosticStatus(
+        level=level, name=f'{node}: {matter}', message=message, hardware_id=node,
+        values=[KeyValue(key=key, value=value) for key, value in values.items()])

@@ -1,0 +1,67 @@
+"""External disturbances: the topics `current` and `body_wrench`, checked as commands are."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from geometry_msgs.msg import Vector3Stamped, WrenchStamped
+from rclpy.node import Node
+
+from manta_sim_ros.nodes import messages
+from manta_sim_ros.nodes.qos import drain, subscription
+from manta_sim_ros.nodes.refusals import Refusals
+from manta_sim_ros.nodes.robot import Robot
+from manta_sim_ros.nodes.settings import Settings
+
+
+class Disturbances:
+    """The topics `current` and `body_wrench`.
+
+    Parameters
+    ----------
+    node
+        Whose topics they are.
+    robot
+        What they act upon.
+    settings
+        Gives the node's present parameters.
+
+    """
+
+    def __init__(self, node: Node, robot: Robot, settings: Callable[[], Settings]) -> None:
+        self._robot, self._settings = robot, settings
+        self._topics = (
+            subscription(node, 'current', self._take_current),
+            subscription(node, 'body_wrench', self._take_wrench),
+        )
+        warn = node.get_logger().warning
+        self.refusals = {
+            'current': Refusals(warn, 'current', 'the previous current continues'),
+            'body_wrench': Refusals(warn, 'body_wrench', 'it does not act'),
+        }
+        """The refused messages by topic."""
+
+    def forget(self) -> None:
+        """Let the water flow with `water.current` again, end the wrench, and drop messages that are not taken yet."""
+        for topic in self._topics:
+            drain(topic)
+        self._robot.flow(None)
+        self._robot.release()
+
+    def _take_current(self, message: Vector3Stamped) -> None:
+        try:
+            self._robot.flow(messages.current_of(message, self._settings().node.odom_frame))
+        except ValueError as error:
+            self.refusals['current'].add(error)
+
+    def _take_wrench(self, message: WrenchStamped) -> None:
+        own = self._settings().node
+        try:
+            frame, wrench = messages.wrench_of(message, own.base_frame, own.odom_frame)
+        except ValueError as error:
+            self.refusals['body_wrench'].add(error)
+            return
+        if frame == own.base_frame:
+            self._robot.push(body_wrench=wrench)
+        else:
+            self._robot.push(world_wrench=wrench)

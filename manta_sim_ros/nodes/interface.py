@@ -1,0 +1,88 @@
+"""The topics and services of the simulator node: names, types and meaning, once for the code and for the docs."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+
+class Topic(NamedTuple):
+    """What is known about one topic."""
+
+    type: str
+    """Its message type, as `ros2 topic info` prints it."""
+    direction: str
+    """`in` where the simulator subscribes, `out` where it publishes."""
+    meaning: str
+
+
+class Service(NamedTuple):
+    """What is known about one service."""
+
+    type: str
+    meaning: str
+
+
+TOPICS = {
+    'fin_command': Topic(
+        'std_msgs/msg/Float64MultiArray', 'in',
+        '`[A_l, A_r, f_l, f_r, phi_l, phi_r]` in rad, Hz, rad; or ten: then `front_bias_l, front_bias_r, rear_bias_l, '
+        'rear_bias_r` in rad'),
+    'set_pose': Topic(
+        'geometry_msgs/msg/PoseStamped', 'in',
+        'puts the robot at rest at this pose, in `odom`; its gait is forgotten'),
+    'current': Topic(
+        'geometry_msgs/msg/Vector3Stamped', 'in',
+        'mean velocity of the water in `odom`, until the next message or until `water.current` is set'),
+    'body_wrench': Topic(
+        'geometry_msgs/msg/WrenchStamped', 'in',
+        'external force and moment on the body about its center of mass, in `base_link` or `odom`; acts for '
+        '`body_wrench_lifetime`, or until the next message'),
+    'pose': Topic(
+        'geometry_msgs/msg/PoseStamped', 'out',
+        'pose of `base_link` (at the center of mass: x forward, y left, z up) in `odom`'),
+    'twist': Topic(
+        'geometry_msgs/msg/TwistStamped', 'out',
+        'velocity of `base_link` relative to `odom`, components in `base_link`'),
+    'odom': Topic(
+        'nav_msgs/msg/Odometry', 'out',
+        'pose and twist together; this is the ground truth, and all covariances are zero'),
+    'fin_wrench': Topic(
+        'geometry_msgs/msg/WrenchStamped', 'out',
+        'force and moment of both fins on the body about its center of mass, in `base_link`'),
+    'left_fin/wrench': Topic('geometry_msgs/msg/WrenchStamped', 'out', "the left fin's part of `fin_wrench`"),
+    'right_fin/wrench': Topic('geometry_msgs/msg/WrenchStamped', 'out', "the right fin's part of `fin_wrench`"),
+    'imu/data': Topic(
+        'sensor_msgs/msg/Imu', 'out',
+        'attitude, angular velocity and specific force (+g upward at rest) in `base_link`, with bias and noise; '
+        'REP 145'),
+    'pressure': Topic(
+        'sensor_msgs/msg/FluidPressure', 'out',
+        'absolute pressure at the depth below `water.surface_height`, with bias and noise'),
+    'joint_states': Topic(
+        'sensor_msgs/msg/JointState', 'out',
+        'angles and rates of the four rods; with `publish_fin_joints` also of the supports and the chains'),
+    'fin_markers': Topic(
+        'visualization_msgs/msg/MarkerArray', 'out',
+        'body, fins colored by their load, wrenches and path for RViz; published only while somebody subscribes'),
+    '/tf': Topic(
+        'tf2_msgs/msg/TFMessage', 'out',
+        'transform from `odom` to `base_link`, with `publish_tf` and where tf2_msgs is installed'),
+    '/clock': Topic('rosgraph_msgs/msg/Clock', 'out', 'simulated time, with `publish_clock`'),
+    '/diagnostics': Topic(
+        'diagnostic_msgs/msg/DiagnosticArray', 'out',
+        'once a second: pace, commands, disturbances, motion and time step, in words'),
+}
+"""Names are relative, so that namespaces and remaps work, but for three whose names ROS 2 fixes."""
+
+SERVICES = {
+    '~/pause': Service(
+        'std_srvs/srv/SetBool', 'true: simulated time stands still; false: it runs on from there'),
+    '~/step': Service(
+        'std_srvs/srv/Trigger',
+        'advances by exactly `step_duration`, with all outputs in it; refused unless the simulator is paused'),
+    '~/reset': Service(
+        'std_srvs/srv/Trigger',
+        'puts the robot at rest where it started; the clock goes on; commands, poses and disturbances sent before are '
+        'dropped'),
+}
+"""`~` is the name of the node."""

@@ -1,0 +1,155 @@
+"""What the node says of a state: all outputs carry one stamp, and the clock that announces them goes last."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Iterable, Sequence
+from typing import Any
+
+from builtin_interfaces.msg import Time
+from rclpy.duration import Duration
+from rclpy.node import Node
+from rclpy.publisher import Publisher
+from std_msgs.msg import Header
+
+from manta_sim_ros.dynamics import SIDES, State
+from manta_sim_ros.nodes import messages
+from manta_sim_ros.nodes.markers import Markers
+from manta_sim_ros.nodes.qos import QUEUE_DEPTH, publisher
+from manta_sim_ros.nodes.settings import Settings
+from manta_sim_ros.sensors import read_imu, read_pressure
+
+PATH_LENGTH = 20.0
+"""Of the path that is shown [m]: some minutes of swimming."""
+
+PATIENCE = 5.0
+"""With subscribers that take nothing [s]."""
+
+ROUNDING = 1e-6  # of the outputs due, far above that of a time and far below a time step
+
+
+class Outputs:
+    """The publishers of the simulated robot.
+
+    Parameters
+    ----------
+    node
+        Whose topics they are.
+    settings
+        Gives the node's present parameters.
+    mean_current
+        Gives the mean velocity (3,) of the water, world frame [m/s].
+
+    """
+
+    def __init__(
+        self, node: Node, settings: Callable[[], Settings], mean_current: Callable[[], Sequence[float]],
+    ) -> None:
+        self._node, self._settings, self._mean_current = node, settings, mean_current
+        self._pose = publisher(node, 'pose')
+        self._twist = publisher(node, 'twist')
+        self._odometry = publisher(node, 'odom')
+        self._wrench = publisher(node, 'fin_wrench')
+        self._fin_wrenches = [publisher(node, f'{side}_fin/wrench') for side in SIDES]
+        self._imu = publisher(node, 'imu/data')
+        self._pressure = publisher(node, 'pressure')
+        self._joint_states = publisher(node, 'joint_states')
+        self._fin_markers = publisher(node, 'fin_markers')
+        self._markers = Markers(PATH_LENGTH)
+        self._transforms = _transform_publisher(node) if settings().node.publish_tf else None
+        self._clock = publisher(node, '/clock') if settings().node.publish_clock else None
+        self._publishers = [
+            self._pose, self._twist, self._odometry, self._wrench, *self._fin_wrenches, self._imu, self._pressure,
+            self._joint_states, self._fin_markers, *filter(None, [self._transforms, self._clock])]
+        self._transformed_at: Time | None = None  # tf2 takes no second one of a time, as a slow clock of others has
+        self._before: State | None = None
+
+    @property
+    def lacks_transform(self) -> bool:
+        """Whether the transform is wanted, but tf2_msgs is not installed."""
+        return self._transforms is None and self._settings().node.publish_tf
+
+    @property
+    def another_clock(self) -> bool:
+        """Whether another node publishes /clock beside this one."""
+        return self._clock is not None and self._node.count_publishers(self._clock.topic_name) > 1
+
+    def stamp(self, state: State) -> Time:
+        """Return the stamp of a state: simulated time, or without /clock the node's own."""
+        if self._clock is not None:
+            return messages.time_message(state.time)
+        return self._node.get_clock().now().to_msg()
+
+    def publish_all(self, states: Iterable[State]) -> None:
+        """Publish the outputs of states that follow each other at once, without losing any on the way.
+
+        Each time that the queues of `QUEUE_DEPTH` are full it waits until the reliable subscribers have what is in them
+        in their own queues. If that once takes longer than `PATIENCE`, nobody is waited for any more.
+        """
+        waiting = True
+        for number, state in enumerate(states, start=1):
+            self.publish(state)
+            if number % QUEUE_DEPTH == 0 and waiting:
+                deadline = time.monotonic() + PATIENCE
+                waiting = all(
+                    each.wait_for_all_acked(Duration(seconds=max(0.0, deadline - time.monotonic())))
+                    for each in self._publishers)
+
+    def publish(self, state: State) -> None:
+        """Publish all outputs of a state that are due, then the clock."""
+        settings, stamp = self._settings(), self.stamp(state)
+        model, own = settings.model, settings.node
+        odom, base = messages.header(stamp, own.odom_frame), messages.header(stamp, own.base_frame)
+        pose, twist = messages.pose_message(state, odom), messages.twist_message(state, base)
+        self._pose.publish(pose)
+        self._twist.publish(twist)
+        self._odometry.publish(messages.odometry_message(pose, twist))
+        self._wrench.publish(messages.wrench_message(state.wrench, base))
+        for of_fin, wrench in zip(self._fin_wrenches, state.fin_wrenches, strict=True):
+            of_fin.publish(messages.wrench_message(wrench, base))
+        self._imu.publish(messages.imu_message(read_imu(settings.imu, model, state), settings.imu, base))
+        self._pressure.publish(messages.pressure_message(
+            read_pressure(settings.pressure, model, state), settings.pressure.noise, base))
+        if self._transforms is not None and stamp != self._transformed_at:
+            transform = messages.transform_message(pose, own.base_frame)
+            self._transforms.publish(self._transforms.msg_type(transforms=[transform]))
+            self._transformed_at = stamp
+        if self._was_put(state):
+            self._markers.forget()
+        if self._due(state, own.joint_state_rate):
+            names = messages.joint_names(model, own.publish_fin_joints)
+            self._joint_states.publish(messages.joint_state_message(state, model, names, base))
+        if self._due(state, own.marker_rate):
+            self._show(state, odom, base)
+        if self._clock is not None:
+            self._clock.publish(messages.clock_message(stamp))
+        self._before = state
+
+    def _was_put(self, state: State) -> bool:
+        """Whether the robot was put here since the state before: its steps are counted anew, or no time went by."""
+        before = self._before
+        return before is not None and (before.start_time != state.start_time or before.time == state.time)
+
+    def _due(self, state: State, rate: float) -> bool:
+        """Whether an output with a rate of its own is due: a multiple of its period has come since the state before."""
+        before = 0.0 if self._before is None else self._before.time
+        if before == state.time:  # it was put there, or it is the first one, which nobody knows yet
+            return True
+        return math.floor(state.time * rate + ROUNDING) > math.floor(before * rate + ROUNDING)
+
+    def _show(self, state: State, odom: Header, base: Header) -> None:
+        """Publish the markers, if anybody looks."""
+        if self._fin_markers.get_subscription_count():
+            self._fin_markers.publish(
+                self._markers.message(state, self._settings().model, base, odom, self._mean_current()))
+        else:
+            self._markers.forget()
+
+
+def _transform_publisher(node: Node) -> Publisher[Any] | None:
+    """Return the publisher of /tf, or None without tf2_msgs."""
+    try:
+        return publisher(node, '/tf')
+    except ModuleNotFoundError:
+        return None

@@ -1,0 +1,123 @@
+"""The one place where topics are made, and their quality of service is chosen: reliable, volatile, small queues.
+
+Reliable publishers serve best-effort subscribers too. The read-only parameters
+`qos_overrides.<topic>.<publisher or subscription>.<history, depth or reliability>` change that at the start. rclpy logs
+a warning when the QoS of a subscriber or of a publisher is incompatible.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import importlib
+import time
+from collections.abc import Callable, Iterator
+from typing import Any
+
+from rclpy.callback_groups import CallbackGroup
+from rclpy.node import Node
+from rclpy.publisher import Publisher
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+from rclpy.qos_overriding_options import InvalidQosOverridesError, QosCallbackResult, QoSOverridingOptions
+from rclpy.subscription import Subscription
+
+from manta_sim_ros.nodes.interface import TOPICS
+
+QUEUE_DEPTH = 10
+
+EVENT_PERIOD, EVENT_WINDOW = 1.0, 0.05
+"""How often the events of publishers are looked at, and for how long [s]."""
+
+
+class _NowAndThen(CallbackGroup):
+    """Lets the executor look at the events of publishers now and then: at every turn they were a third of its load."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._opens = self._closes = 0.0  # steady time [s]
+
+    def can_execute(self, entity: object) -> bool:
+        """Whether it is time to look."""
+        now = time.monotonic()
+        if now >= self._opens:
+            self._opens, self._closes = now + EVENT_PERIOD, now + EVENT_WINDOW
+        return now < self._closes
+
+    def beginning_execution(self, entity: object) -> bool:
+        """Whether the callback may begin: each only logs a line."""
+        return True
+
+    def ending_execution(self, entity: object) -> None:
+        """Do nothing after a callback."""
+
+
+_EVENTS = _NowAndThen()
+
+
+def publisher(node: Node, topic: str) -> Publisher[Any]:
+    """Create the publisher of one of `TOPICS`; parameters of the node may change its quality of service.
+
+    Raises
+    ------
+    ValueError
+        Such a parameter is bad; names the topic.
+    ModuleNotFoundError
+        The package of the topic's message type is not installed.
+
+    """
+    with _named_errors('publisher', topic):
+        return node.create_publisher(
+            message_class(TOPICS[topic].type), topic, _profile(), callback_group=_EVENTS,
+            qos_overriding_options=_overridable())
+
+
+def subscription(node: Node, topic: str, callback: Callable[[Any], None]) -> Subscription[Any]:
+    """Create the subscription to one of `TOPICS`; parameters of the node may change its quality of service.
+
+    Raises
+    ------
+    ValueError
+        Such a parameter is bad; names the topic.
+
+    """
+    with _named_errors('subscription', topic):
+        return node.create_subscription(
+            message_class(TOPICS[topic].type), topic, callback, _profile(), qos_overriding_options=_overridable())
+
+
+def message_class(type_name: str) -> type[Any]:
+    """Return the class of a message type by its name, such as `nav_msgs/msg/Odometry`."""
+    package, *_, name = type_name.split('/')
+    kind: type[Any] = getattr(importlib.import_module(f'{package}.msg'), name)
+    return kind
+
+
+def drain(waiting: Subscription[Any]) -> None:
+    """Throw away the messages that have come and are not taken yet."""
+    with waiting.handle:
+        while waiting.handle.take_message(waiting.msg_type, waiting.raw) is not None:
+            pass
+
+
+@contextlib.contextmanager
+def _named_errors(entity: str, topic: str) -> Iterator[None]:
+    """Say which of the node's many topics it is: rclpy names the bad value at best."""
+    try:
+        yield
+    except (AssertionError, AttributeError, InvalidQosOverridesError, RuntimeError, TypeError) as error:
+        reason = str(error) or 'a value is of the wrong type'
+        raise ValueError(f'qos_overrides of the {entity} {topic}: {reason}') from error
+
+
+def _profile() -> QoSProfile:
+    return QoSProfile(depth=QUEUE_DEPTH, reliability=ReliabilityPolicy.RELIABLE)
+
+
+def _overridable() -> QoSOverridingOptions:
+    return QoSOverridingOptions.with_default_policies(callback=_checked)
+
+
+def _checked(profile: QoSProfile) -> QosCallbackResult:
+    result = QosCallbackResult()
+    result.successful = profile.depth >= 1
+    result.reason = f'depth is {profile.depth}, but must be at least 1'
+    return result

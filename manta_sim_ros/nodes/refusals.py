@@ -1,0 +1,55 @@
+"""Messages that are refused: each is counted with its reason, and warned of, whatever its topic."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from typing import NamedTuple
+
+WARNING_PERIOD = 1.0
+"""Least time between two warnings about one topic [s]."""
+
+
+class Refused(NamedTuple):
+    """What was refused on a topic."""
+
+    total: int
+    """Messages since the start."""
+    lately: int
+    """Messages since this was asked last."""
+    reason: str
+    """Why the last one was refused, empty when there was none."""
+
+
+class Refusals:
+    """The refused messages of one topic.
+
+    Parameters
+    ----------
+    warn
+        Takes a line.
+    topic
+        Its name.
+    consequence
+        What happens instead, in words.
+
+    """
+
+    def __init__(self, warn: Callable[[str], object], topic: str, consequence: str) -> None:
+        self._warn, self._topic, self._consequence = warn, topic, consequence
+        self._total = self._told = 0
+        self._reason = ''
+        self._quiet_until = 0.0  # steady time [s]
+
+    def add(self, error: ValueError) -> None:
+        """Count a refused message, and warn unless there was a warning just now."""
+        self._total, self._reason = self._total + 1, str(error)
+        now = time.monotonic()
+        if now >= self._quiet_until:
+            self._quiet_until = now + WARNING_PERIOD
+            self._warn(f'{self._topic} refused, {self._consequence} ({self._total} refused so far): {error}')
+
+    def take(self) -> Refused:
+        """Return what was refused; from now on, what comes is counted as lately."""
+        lately, self._told = self._total - self._told, self._total
+        return Refused(self._total, lately, self._reason)

@@ -1,0 +1,158 @@
+"""All parameters of the simulator node, checked as a whole. Free of ROS."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterable
+from typing import Any
+
+from manta_sim_ros.dynamics import ParameterGroup, Parameters, Quantity, Vector, quantity
+from manta_sim_ros.sensors import Imu, Pressure
+
+FARTHEST = 1e6
+"""Bound of a coordinate that the robot is put at [m]: a double still tells tenths of a nanometer there."""
+
+HIGHEST_RATE_TOLERANCE = 1e-9
+"""How far `publish_rate` may be above one output a time step, as a share: rounding."""
+
+
+@dataclasses.dataclass(frozen=True)
+class NodeParameters(ParameterGroup):
+    """The node's own parameters."""
+
+    publish_rate: float = quantity(
+        100.0, unit='Hz', low=0.1, high=1000.0, live=True,
+        description='rate of all outputs in simulated time, at most one a time step', source='chosen',
+    )
+    real_time_factor: float = quantity(
+        1.0, low=0.0, high=1000.0, live=True,
+        description='simulated time over elapsed time; 0 runs as fast as it can', source='chosen',
+    )
+    publish_clock: bool = quantity(
+        True,
+        description="publish /clock and stamp with simulated time; else stamp with the node's own clock",
+        source='chosen',
+    )
+    start_paused: bool = quantity(
+        False,
+        description='start with simulated time standing still, until ~/pause says otherwise', source='chosen',
+    )
+    initial_position: Vector = quantity(
+        (0.0, 0.0, 0.0), unit='m', low=-FARTHEST, high=FARTHEST,
+        description='where the robot starts and goes at a reset, world frame [x, y, z]', source='chosen',
+    )
+    initial_yaw: float = quantity(
+        0.0, unit='rad', low=-7.0, high=7.0,
+        description='heading there about the vertical, level otherwise; positive to the left', source='chosen',
+    )
+    step_duration: float = quantity(
+        0.01, unit='s', low=1e-7, high=3600.0, live=True,
+        description='simulated time of a ~/step, a whole number of time steps', source='chosen',
+    )
+    command_timeout: float = quantity(
+        0.0, unit='s', low=0.0, high=3600.0, live=True,
+        description='simulated time after the last fin_command at which the amplitudes glide to zero; 0 waits for ever',
+        source='chosen',
+    )
+    body_wrench_lifetime: float = quantity(
+        0.5, unit='s', low=0.0, high=3600.0, live=True,
+        description='simulated time for which a body_wrench acts; 0 until the next one', source='chosen',
+    )
+    joint_state_rate: float = quantity(
+        50.0, unit='Hz', low=0.1, high=1000.0, live=True,
+        description='rate of joint_states in simulated time, at most one an output', source='chosen',
+    )
+    publish_fin_joints: bool = quantity(
+        False, live=True,
+        description='whether joint_states holds supports and chains beside the four rods', source='chosen',
+    )
+    marker_rate: float = quantity(
+        10.0, unit='Hz', low=1.0, high=1000.0, live=True,
+        description='rate of fin_markers in simulated time, at most one an output; none while nobody subscribes',
+        source='chosen',
+    )
+    publish_tf: bool = quantity(
+        True,
+        description='publish the transform from odom_frame to base_frame, if tf2_msgs is installed', source='chosen',
+    )
+    odom_frame: str = quantity(
+        'odom',
+        description='name of the world frame', source='REP 105',
+    )
+    base_frame: str = quantity(
+        'base_link',
+        description='name of the body frame', source='REP 105',
+    )
+
+    @property
+    def pace(self) -> float:
+        """Outputs per elapsed second [1/s]; 0 is as many as it can."""
+        return self.publish_rate * self.real_time_factor
+
+    def __post_init__(self) -> None:
+        """Check each field, then that the frames are different names that tf2 takes."""
+        super().__post_init__()
+        for name in ('odom_frame', 'base_frame'):
+            frame = getattr(self, name)
+            if frame.startswith('/') or frame != ''.join(frame.split()):
+                raise ValueError(f'{name} is {frame!r}, but must be a name without a leading / and without blanks')
+        if self.odom_frame == self.base_frame:
+            raise ValueError(f'base_frame is {self.base_frame!r}, but must differ from odom_frame')
+
+
+@dataclasses.dataclass(frozen=True)
+class Settings:
+    """The parameters of the model, of the sensors, and of the node itself.
+
+    Raises
+    ------
+    ValueError
+        The publish rate asks for more than one output a time step.
+
+    """
+
+    model: Parameters = Parameters()
+    imu: Imu = Imu()
+    pressure: Pressure = Pressure()
+    node: NodeParameters = NodeParameters()
+
+    def __post_init__(self) -> None:
+        """Check what concerns model and node."""
+        highest = 1.0 / self.model.solver.time_step
+        if self.node.publish_rate > highest * (1.0 + HIGHEST_RATE_TOLERANCE):
+            raise ValueError(
+                f'publish_rate is {self.node.publish_rate:g} Hz, but must be at most {highest:g} Hz, '
+                'one output each solver.time_step'
+            )
+
+    @classmethod
+    def quantities(cls) -> dict[str, Quantity]:
+        """Return what is known about each parameter by its full name, such as `fin.span` or `publish_rate`."""
+        groups: dict[str, type[ParameterGroup]] = {
+            **Parameters.groups(), 'imu': Imu, 'pressure': Pressure, '': NodeParameters}
+        return {
+            f'{group}.{name}' if group else name: about for group, kind in groups.items()
+            for name, about in kind.quantities().items()}
+
+    def value(self, full_name: str) -> Any:
+        """Return the value of a parameter by its full name."""
+        group, _, name = full_name.rpartition('.')
+        owner = self.model if group in self.model.groups() else self
+        return getattr(getattr(owner, group or 'node'), name)
+
+    def replace(self, values: Iterable[tuple[str, Any]]) -> Settings:
+        """Return settings with other values, given by full names.
+
+        Raises
+        ------
+        ValueError
+            A value is bad; names it and the bound.
+
+        """
+        groups: dict[str, dict[str, Any]] = {}
+        for full_name, value in values:
+            group, _, name = full_name.rpartition('.')
+            groups.setdefault(group or 'node', {})[name] = value
+        model = self.model.replace(**{name: groups.pop(name) for name in self.model.groups() if name in groups})
+        others = {name: dataclasses.replace(getattr(self, name), **values) for name, values in groups.items()}
+        return dataclasses.replace(self, model=model, **others)

@@ -1,0 +1,195 @@
+"""The node `manta_sim`: takes fin commands, steps the dynamics, publishes its state and the clock."""
+
+from __future__ import annotations
+
+import math
+import time
+import warnings
+from typing import Any
+
+import numpy as np
+from diagnostic_msgs.msg import DiagnosticArray
+from rcl_interfaces.msg import SetParametersResult
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from std_msgs.msg import Float64MultiArray
+
+from manta_sim_ros.dynamics import StabilityWarning, compile_kernels, largest_stable_step, step_warning
+from manta_sim_ros.nodes import messages
+from manta_sim_ros.nodes.diagnostics import Health, statuses
+from manta_sim_ros.nodes.disturbances import Disturbances
+from manta_sim_ros.nodes.outputs import Outputs
+from manta_sim_ros.nodes.parameters import declare, set_values
+from manta_sim_ros.nodes.process import run_node
+from manta_sim_ros.nodes.qos import drain, publisher, subscription
+from manta_sim_ros.nodes.refusals import Refusals
+from manta_sim_ros.nodes.robot import Robot
+from manta_sim_ros.nodes.settings import Settings
+from manta_sim_ros.nodes.time_control import TimeControl
+
+PACE_WINDOW = 1.0  # s, as all below
+PACE_WARNING_PERIOD = 5.0
+CLOCK_WARNING_PERIOD = 10.0
+STEP_WARNING_PERIOD = 10.0
+DIVERGENCE_ERROR_PERIOD = 1.0
+LISTENING_SHARE = 0.1  # of the time that a tick took: for commands when the next tick is due at once
+LONGEST_WAIT = 1.0  # s
+
+
+class SimNode(Node):
+    """The simulated robot as a node. It owns simulated time: outputs of one state, then the clock that announces them.
+
+    Raises
+    ------
+    ValueError
+        A parameter that it was started with is bad.
+
+    """
+
+    def __init__(self) -> None:
+        super().__init__('manta_sim', automatically_declare_parameters_from_overrides=True)
+        warnings.simplefilter('ignore', StabilityWarning)  # `_warn_of_step` logs it
+        self._settings: Settings = declare(self)
+        self._robot = Robot(self._settings, self._report_divergence, self.get_logger().warning)
+        self._refusals = Refusals(self.get_logger().warning, 'fin_command', 'the previous gait continues')
+        self._step_warning, self._step_warning_due = '', -math.inf
+        self._next_tick = math.inf  # steady time [s]
+        self._computing = 0.0  # elapsed time in ticks since the last look at the pace [s]
+        self._divergences_seen = 0  # at that look
+
+        self._outputs = Outputs(self, lambda: self._settings, lambda: self._robot.mean_current)
+        self._diagnostics = publisher(self, '/diagnostics')
+        self._commands = subscription(self, 'fin_command', self._take_command)
+        self._disturbances = Disturbances(self, self._robot, lambda: self._settings)
+        self._time = TimeControl(
+            self, self._robot, lambda: self._settings, self._outputs.publish_all, self._set_pace, self._forget_inputs)
+        self.add_on_set_parameters_callback(self._check_parameters)
+        self.add_post_set_parameters_callback(self._apply_parameters)
+
+    def start(self) -> None:
+        """Compile or load the dynamics, and begin to simulate."""
+        if self._outputs.lacks_transform:
+            self.get_logger().info(
+                'no transform is published: tf2_msgs is not installed (install it, or set publish_tf to false)')
+        compile_kernels(self._settings.model, self.get_logger().info)
+        self._set_pace()
+        if self._time.paused:  # there will be no tick
+            self._outputs.publish(self._robot.state)
+
+    def spin(self) -> None:
+        """Simulate on the steady clock and listen in between, until the context is shut down.
+
+        A timer of rclpy's would have its executor look through all entities of the node twice a tick: half the load.
+        """
+        executor = SingleThreadedExecutor(context=self.context)
+        executor.add_node(self)
+        while self.context.ok():
+            now = listen_until = time.monotonic()
+            if now >= self._next_tick and not self._time.paused:
+                self._outputs.publish(self._robot.tick())
+                done = time.monotonic()
+                self._computing += done - now
+                self._next_tick = max(self._next_tick + self._tick_period, done)  # what is late is dropped
+                listen_until = done + LISTENING_SHARE * (done - now)
+                self._look_at_itself()
+            elif self._time.paused:
+                self._look_at_itself()
+            wait = LONGEST_WAIT if self._time.paused else self._next_tick - time.monotonic()
+            executor.spin_once(timeout_sec=min(max(0.0, wait), LONGEST_WAIT))
+            while time.monotonic() < listen_until:
+                executor.spin_once(timeout_sec=0.0)
+
+    def _set_pace(self) -> None:
+        pace = self._settings.node.pace
+        self._tick_period = 1.0 / pace if pace > 0.0 else 0.0
+        self._next_tick = time.monotonic() + self._tick_period
+        self._begin_pace_window()
+
+    def _take_command(self, message: Float64MultiArray) -> None:
+        try:
+            left, right = messages.fin_commands(message.data)
+            self._robot.command(left, right)
+        except ValueError as error:
+            self._refusals.add(error)
+        else:
+            self._warn_of_step()
+
+    def _forget_inputs(self) -> None:
+        drain(self._commands)
+        self._disturbances.forget()
+
+    def _warn_of_step(self) -> None:
+        """Warn when the gaits that are commanded, with the present parameters, ask for a smaller time step."""
+        warning = step_warning(self._settings.model, *self._robot.commands)
+        if warning is not None and (warning != self._step_warning or time.monotonic() > self._step_warning_due):
+            self._step_warning, self._step_warning_due = warning, time.monotonic() + STEP_WARNING_PERIOD
+            self.get_logger().warning(warning)
+
+    def _report_divergence(self, line: str) -> None:
+        self.get_logger().error(line, throttle_duration_sec=DIVERGENCE_ERROR_PERIOD)
+
+    def _begin_pace_window(self) -> None:
+        self._window_began = time.monotonic(), self._robot.state.time
+        self._computing = 0.0
+
+    def _look_at_itself(self) -> None:
+        """Once a window, publish diagnostics and warn of a machine that cannot keep up and of another clock."""
+        if time.monotonic() - self._window_began[0] < PACE_WINDOW:
+            return
+        health = self._health()
+        self._begin_pace_window()
+        self._divergences_seen = self._robot.divergences
+        self._diagnostics.publish(DiagnosticArray(
+            header=messages.header(self._outputs.stamp(self._robot.state), ''),
+            status=statuses(self.get_fully_qualified_name(), health)))
+        if not health.keeps_up:
+            self.get_logger().warning(
+                f'real-time factor {health.reached_factor:.2f} instead of {health.wanted_factor:g}: this machine '
+                'cannot keep up, simulated time is slower',
+                throttle_duration_sec=PACE_WARNING_PERIOD,
+            )
+        if self._outputs.another_clock:
+            self.get_logger().warning(
+                'another node publishes /clock too: of several simulators, start all but one with publish_clock false',
+                throttle_duration_sec=CLOCK_WARNING_PERIOD,
+            )
+
+    def _health(self) -> Health:
+        model, robot, paused = self._settings.model, self._robot, self._time.paused
+        refusals = {
+            'fin_command': self._refusals, 'set_pose': self._time.refusals, **self._disturbances.refusals}
+        elapsed, simulated = time.monotonic() - self._window_began[0], robot.state.time - self._window_began[1]
+        steps = simulated / model.solver.time_step
+        return Health(
+            time=robot.state.time, paused=paused, wanted_factor=self._settings.node.real_time_factor,
+            reached_factor=math.nan if paused else simulated / elapsed,
+            computing=math.nan if paused or not steps else self._computing / steps,
+            command_age=robot.command_age, timed_out=robot.timed_out,
+            refused={topic: refusals_of.take() for topic, refusals_of in refusals.items()},
+            current=np.add(robot.mean_current, robot.state.current_deviation), pushed=robot.pushed,
+            diverged_lately=robot.divergences > self._divergences_seen, finite=robot.finite,
+            time_step=model.solver.time_step, largest_step=largest_stable_step(model, *robot.commands),
+        )
+
+    def _check_parameters(self, parameters: list[Parameter[Any]]) -> SetParametersResult:
+        try:
+            self._robot.check(set_values(self._settings, parameters))
+        except ValueError as error:
+            return SetParametersResult(successful=False, reason=str(error))
+        return SetParametersResult(successful=True)
+
+    def _apply_parameters(self, parameters: list[Parameter[Any]]) -> None:
+        before, self._settings = self._settings, set_values(self._settings, parameters)
+        self._robot.apply(self._settings)
+        if any(parameter.name == 'water.current' for parameter in parameters):
+            self._robot.flow(None)
+        if self._settings.model != before.model:
+            self._warn_of_step()
+        if self._settings.node.pace != before.node.pace and self._next_tick < math.inf:
+            self._set_pace()
+
+
+def main(args: list[str] | None = None) -> None:
+    """Run the node until it is interrupted."""
+    run_node(SimNode, SimNode.start, SimNode.spin, args)

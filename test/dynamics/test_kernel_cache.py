@@ -1,0 +1,125 @@
+"""Kernels are compiled once, said so once, kept on disk, and never used when any source of them has changed."""
+
+import logging
+import re
+import shutil
+
+import numpy as np
+import pytest
+
+from evidence.scenarios import PACKAGE_ROOT, SWIM, TURN, run_python, sized
+from manta_sim_ros.dynamics import Simulator, fin_dynamics
+from manta_sim_ros.dynamics._kernels import compilation, gait, monolithic, staggered
+
+ANNOUNCEMENT = 'compiling the dynamics for this machine'
+
+EVALUATE = """
+import numpy as np
+from manta_sim_ros.dynamics import Parameters, Simulator, fin_dynamics, simulator
+
+moment = np.full((30, 3), 0.1)
+accelerations, wrench = fin_dynamics(Parameters(), 0, np.ones((2, 3)), moment, moment, np.ones(6), np.ones(6))
+Simulator().advance(0.0)
+print(simulator.__file__)
+print((accelerations.tobytes() + wrench.tobytes()).hex())
+"""
+
+
+@pytest.fixture
+def copied_package(tmp_path):
+    """Return the folder of a copy of the package without anything compiled."""
+    shutil.copytree(
+        PACKAGE_ROOT / 'manta_sim_ros', tmp_path / 'manta_sim_ros', ignore=shutil.ignore_patterns('__pycache__'))
+    return tmp_path
+
+
+def evaluate(folder):
+    """Return the bytes that a new process computes with the package in `folder`, and how often it says it compiles."""
+    process = run_python(EVALUATE, folder, package_root=folder, NUMBA_CACHE_DIR=str(folder / 'kernels'))
+    path, result = process.stdout.split()
+    assert path.startswith(str(folder))
+    return result, process.stderr.count(ANNOUNCEMENT)
+
+
+def test_kernels_are_compiled_once_and_again_only_when_a_source_has_changed(copied_package):
+    first, announced = evaluate(copied_package)
+    assert announced == 1  # several kernels, one line
+    library = copied_package / 'manta_sim_ros' / 'dynamics'
+    with (library / 'simulator.py').open('a', encoding='utf-8') as file:
+        file.write('# not a kernel\n')
+    second, announced = evaluate(copied_package)
+    assert (second, announced) == (first, 0)
+
+    # fin.py holds no entry point: Numba alone would not look at it. One byte of it, the inertia of a rod
+    source = library / '_kernels' / 'fin.py'
+    text = source.read_text(encoding='utf-8')
+    changed = re.sub(r'/ 12\.0', '/ 13.0', text)
+    assert changed != text
+    source.write_text(changed, encoding='utf-8')
+    third, announced = evaluate(copied_package)
+    assert third != first and announced == 1
+
+
+def test_the_digest_changes_with_every_source_of_the_kernels_and_with_no_other(copied_package):
+    digest_here = 'from manta_sim_ros.dynamics._kernels.compilation import SOURCE_DIGEST; print(SOURCE_DIGEST)'
+
+    def digest():
+        return run_python(digest_here, copied_package, package_root=copied_package).stdout.strip()
+
+    folder = copied_package / 'manta_sim_ros' / 'dynamics'
+    seen = [digest()]
+    assert seen[0] == compilation.SOURCE_DIGEST  # it depends on contents, not on the place
+    kernels = sorted((folder / '_kernels').glob('*.py'))
+    assert len(kernels) > 10
+    for path in kernels:
+        with path.open('a', encoding='utf-8') as file:
+            file.write('\n')
+        seen.append(digest())
+    assert len(set(seen)) == len(seen)
+    for path in folder.glob('*.py'):
+        with path.open('a', encoding='utf-8') as file:
+            file.write('\n')
+    assert digest() == seen[-1]
+
+
+def test_the_key_of_a_kernel_holds_the_digest(monkeypatch):
+    signature, codegen = staggered.advance.signatures[:1], staggered.advance.targetctx.codegen()
+    keys = []
+    for digest in ('one', 'other'):
+        monkeypatch.setattr(compilation, 'SOURCE_DIGEST', digest)
+        keys.append(staggered.advance._cache._index_key(signature, codegen))
+    assert keys[0] != keys[1]
+
+
+def test_a_place_that_cannot_be_written_to_costs_a_warning_only(monkeypatch, caplog):
+    def no_place(function):
+        raise RuntimeError('cannot cache function: no locator available')
+
+    monkeypatch.setattr(compilation, '_KernelCache', no_place)
+    with caplog.at_level(logging.WARNING, logger='manta_sim_ros'):
+        double = compilation.entry_kernel(lambda x: 2.0 * x)
+    assert double(1.5) == 3.0
+    assert 'no locator available' in caplog.text and 'each start compiles them again' in caplog.text
+
+
+def test_a_kernel_that_allocates_is_refused_when_it_is_compiled():
+    allocating = compilation.kernel(lambda size: np.zeros(size).sum())
+    with pytest.raises(Exception, match='NRT|nrt|allocat'):
+        allocating(3)
+
+
+@pytest.mark.parametrize(('coupling', 'kernels'), [('sequential', staggered), ('monolithic', monolithic)])
+def test_arrays_of_a_state_are_taken_without_compiling_again(coupling, kernels):
+    simulator = Simulator(sized(4, 2, solver={'coupling': coupling}))
+    simulator.command(left=SWIM, right=TURN)
+    state = simulator.advance(0.2)
+    entries = (gait.largest_transition_difference, kernels.evaluate, kernels.advance)
+    flat, still = np.zeros((4, 2)), np.zeros(6)
+    fin_dynamics(simulator.parameters, 0, np.zeros((2, 3)), flat, flat, still, still)
+    before = [entry.signatures for entry in entries]
+    assert all(before)
+    fin_dynamics(
+        simulator.parameters, 1, np.zeros((2, 3)), state.joint_angles[1], state.joint_rates[1], state.twist,
+        state.acceleration)
+    Simulator(simulator.parameters, state=state).advance(0.2)
+    assert [entry.signatures for entry in entries] == before

@@ -1,0 +1,96 @@
+"""Parameters come from a ROS 2 parameter file, and a bad file says what is wrong with it."""
+
+import re
+
+import pytest
+import yaml
+
+from manta_sim_ros.dynamics import Parameters
+
+
+@pytest.fixture
+def read(tmp_path):
+    def read_text(text):
+        path = tmp_path / 'parameters.yaml'
+        path.write_text(text, encoding='utf-8')
+        return Parameters.from_yaml(path)
+    return read_text
+
+
+def below(*lines):
+    return '\n'.join(['/**:', '  ros__parameters:', *(f'    {line}' for line in lines)])
+
+
+def test_what_a_file_leaves_out_keeps_its_default(read):
+    assert read(below('water: {density: 1000.0}', 'fin: {chains: 12, span: 0.25}')) == Parameters().replace(
+        water={'density': 1000.0}, fin={'chains': 12, 'span': 0.25})
+    assert read(below('{}')) == Parameters()
+
+
+def test_values_of_every_kind_are_read(read):
+    assert read(below(
+        'water: {current: [0.1, -0.2, 3e-1]}', 'fin: {links: 5}', 'solver: {fixed_base: true}', 'body: {mass: 7}',
+    )) == Parameters().replace(
+        water={'current': (0.1, -0.2, 0.3)}, fin={'links': 5}, solver={'fixed_base': True}, body={'mass': 7.0})
+
+
+@pytest.mark.parametrize('written', ['1e8', '1E8', '1e+8', '1.0e8', '1.0e+8', '+1e8', '.1e9', '100000000'])
+def test_a_number_needs_no_decimal_point(read, written):
+    assert read(below(f'fin: {{youngs_modulus: {written}}}')) == Parameters()
+
+
+def test_other_readers_of_yaml_are_left_as_they_are():
+    assert yaml.safe_load('1e8') == '1e8'
+
+
+def test_what_belongs_to_a_node_is_left_to_it(read):
+    assert read(below(
+        'publish_rate: 50.0', 'odom_frame: map', 'use_sim_time: true', 'imu: {seed: 3}', 'pressure: {noise: 1.0}',
+        'qos_overrides: {/odom: {publisher: {depth: 3}}}')) == Parameters()
+
+
+def test_a_path_may_be_a_text(tmp_path):
+    path = tmp_path / 'parameters.yaml'
+    path.write_text(below('fin: {chains: 12}'), encoding='utf-8')
+    assert Parameters.from_yaml(str(path)).fin.chains == 12
+
+
+@pytest.mark.parametrize(('text', 'reason'), [
+    ('', "no '/\\*\\*:'"),
+    ('just a text', "no '/\\*\\*:'"),
+    ('water: {density: 1000.0}', "no '/\\*\\*:'"),
+    ('/manta_sim:\n  ros__parameters: {}', "no '/\\*\\*:'"),
+    ('/**:', "no '/\\*\\*:'"),
+    ('/**: {water: {density: 1000.0}}', "no 'ros__parameters:'"),
+    ('/**: {ros__parameters: }', "no 'ros__parameters:'"),
+    ('/**: {ros__parameters: [1, 2]}', "no 'ros__parameters:'"),
+    ('/**: {ros__parameters: {water: {', 'while parsing a flow'),
+    ('/**:\n\tros__parameters:', 'found character'),
+    (below('watr: {density: 1000.0}'), 'watr is no group.* water, body, rods, fin, solver'),
+    (below('water: {densty: 1000.0}'), 'water.densty is no parameter; water has density, current'),
+    (below('water: 1000.0'), 'water is 1000.0, but must be a group'),
+    (below('water:'), 'water is None, but must be a group'),
+    (below('fin: {chains: 12.0}'), 'fin.chains is 12.0, but must be a whole number'),
+    (below('fin: {chains: 1}'), 'fin.chains is 1, but must be from 2'),
+    (below('body: {mass: .nan}'), 'body.mass is nan'),
+    (below('body: {mass: heavy}'), "body.mass is 'heavy'"),
+    (below('body: {inertia: [1.0, 2.0]}'), 'body.inertia is .* list of 3 numbers'),
+    (below('solver: {fixed_base: 1}'), 'solver.fixed_base is 1, but must be true or false'),
+])
+def test_a_bad_file_is_refused_with_its_path_and_the_reason(tmp_path, text, reason):
+    path = tmp_path / 'bad.yaml'
+    path.write_text(text, encoding='utf-8')
+    with pytest.raises(ValueError, match=f'(?s)^{re.escape(str(path))}: .*{reason}'):
+        Parameters.from_yaml(path)
+
+
+def test_a_file_that_is_no_text_is_refused_with_its_path(tmp_path):
+    path = tmp_path / 'binary.yaml'
+    path.write_bytes(b'\xff\xfe\x00')
+    with pytest.raises(ValueError, match=f'^{re.escape(str(path))}: '):
+        Parameters.from_yaml(path)
+
+
+def test_a_file_that_is_not_there_is_an_os_error(tmp_path):
+    with pytest.raises(FileNotFoundError):
+        Parameters.from_yaml(tmp_path / 'nowhere.yaml')

@@ -1,0 +1,192 @@
+"""Parameters have the model's values, are checked when made, and never change."""
+
+import dataclasses
+import math
+import re
+from fractions import Fraction
+
+import numpy as np
+import pytest
+
+from manta_sim_ros.dynamics import Parameters
+from manta_sim_ros.dynamics.parameters import Fin, Rods, Water
+
+DEFAULTS = {  # Table 1 of the paper, and what the model supplies where the paper is silent
+    'water': {
+        'density': 9800.0, 'current': (0.0, 0.0, 0.0), 'current_deviation': (0.0, 0.0, 0.0),
+        'current_correlation_time': 10.0, 'current_seed': 0, 'surface_height': 5.0,
+        'added_mass_coefficient': 0.0, 'added_mass_density': 1000.0},
+    'body': {
+        'mass': 20.0, 'inertia': (1.33, 1.93, 2.73), 'drag_area': (0.32, 0.4, 0.8),
+        'drag_coefficient': (0.02, 0.04, 0.1), 'angular_damping': (0.015, 0.01, 0.02),
+        'buoyancy_center': (0.0, 0.0, 0.05), 'gravity': 9.81},
+    'rods': {
+        'front_radius': 0.235, 'rear_radius': 0.185, 'support_length': 0.315, 'rear_motor_position': (-0.16, 0.3, 0.0),
+        'command_time_constant': 0.2},
+    'fin': {
+        'chains': 30, 'links': 3, 'span': 0.30, 'thickness': 0.012, 'youngs_modulus': 1e8, 'joint_damping': 0.1,
+        'drag_coefficient': 1.2, 'density': 1000.0},
+    'solver': {'time_step': 0.002, 'fixed_base': False, 'coupling': 'sequential'},
+}
+GROUPS = Parameters.groups()
+QUANTITIES = [(*full_name.split('.'), known) for full_name, known in Parameters.quantities().items()]
+NUMBERS = [case for case in QUANTITIES if case[2].kind in (int, float)]
+VECTORS = [case for case in QUANTITIES if case[2].kind is tuple]
+
+
+def ids(cases):
+    return [f'{group}.{name}' for group, name, _ in cases]
+
+
+def just_below(known):
+    return known.low - 1 if known.kind is int else math.nextafter(known.low, -math.inf)
+
+
+def just_above(known):
+    return known.high + 1 if known.kind is int else math.nextafter(known.high, math.inf)
+
+
+def assert_refused(group, name, value, where='', why='must be'):
+    with pytest.raises(ValueError) as refusal:
+        GROUPS[group](**{name: value})
+    assert str(refusal.value).startswith(f'{group}.{name}{where} is ')
+    assert why in str(refusal.value)
+
+
+def test_names_and_defaults_are_those_of_the_model():
+    assert dataclasses.asdict(Parameters()) == DEFAULTS
+
+
+@pytest.mark.parametrize(('group', 'name', 'known'), QUANTITIES, ids=ids(QUANTITIES))
+def test_every_parameter_is_described(group, name, known):
+    assert known.description and known.source and known.low <= known.high
+    assert known.kind is type(DEFAULTS[group][name])
+
+
+@pytest.mark.parametrize(('group', 'name', 'known'), NUMBERS, ids=ids(NUMBERS))
+def test_a_bad_number_is_refused_by_name_with_its_bounds(group, name, known):
+    bounds = f'from {known.low:g} to {known.high:g} {known.unit}'.rstrip()
+    for bad in (just_below(known), just_above(known)):
+        assert_refused(group, name, bad, why=bounds)
+    for bad in (math.nan, math.inf, -math.inf, True, np.True_, '1', None, [1.0], 1j):
+        assert_refused(group, name, bad)
+    if known.kind is int:
+        assert_refused(group, name, 3.0, why='must be a whole number')
+
+
+@pytest.mark.parametrize(('group', 'name', 'known'), VECTORS, ids=ids(VECTORS))
+def test_a_bad_vector_is_refused_by_name_with_its_bounds(group, name, known):
+    good = list(DEFAULTS[group][name])
+    for bad in (1.0, None, '123', True, good[:2], good + [1.0], [], np.zeros((3, 3))[:2], {'x': 1.0}):
+        assert_refused(group, name, bad, why='must be a list of 3 numbers')
+    bounds = f'from {known.low:g} to {known.high:g} {known.unit}'.rstrip()
+    for axis in range(3):
+        for bad in (just_below(known), just_above(known), math.nan, math.inf, True, '1', None, [1.0]):
+            assert_refused(group, name, good[:axis] + [bad] + good[axis + 1:], where=f'[{axis}]', why=bounds)
+
+
+@pytest.mark.parametrize('bad', [0, 1, 'false', None, np.True_])
+def test_a_switch_takes_true_and_false_only(bad):
+    assert_refused('solver', 'fixed_base', bad, why='true or false')
+
+
+@pytest.mark.parametrize('bad', ['', 'Monolithic', 'both', 1, None, True])
+def test_the_coupling_is_one_of_two(bad):
+    for good in ('sequential', 'monolithic'):
+        assert GROUPS['solver'](coupling=good).coupling == good
+    is_text = isinstance(bad, str) and bad
+    assert_refused('solver', 'coupling', bad, why='sequential or monolithic' if is_text else 'text')
+
+
+def test_added_mass_is_refused_with_the_sequential_coupling_and_the_reason():
+    with pytest.raises(ValueError, match=r'^water\.added_mass_coefficient is 0\.5, but must be 0 with solver\.coupling '
+                                         r'sequential: .* diverge; set solver\.coupling to monolithic'):
+        Parameters().replace(water={'added_mass_coefficient': 0.5})
+    made = Parameters().replace(water={'added_mass_coefficient': 0.5}, solver={'coupling': 'monolithic'})
+    assert made.water.added_mass_coefficient == 0.5
+
+
+@pytest.mark.parametrize(('group', 'name', 'known'), NUMBERS, ids=ids(NUMBERS))
+def test_bounds_are_included(group, name, known):
+    for bound in (known.low, known.high):
+        values = {name: bound}
+        if group == 'rods' and known.unit == 'm':  # the rods must fit each other
+            values = {'front_radius': bound, 'rear_radius': bound, 'support_length': bound}
+        assert getattr(GROUPS[group](**values), name) == bound
+
+
+@pytest.mark.parametrize(('group', 'name', 'value'), [
+    ('body', 'mass', 0.0), ('body', 'inertia', (1.0, 0.0, 1.0)), ('body', 'drag_area', (-1.0, 0.0, 0.0)),
+    ('body', 'angular_damping', (0.0, -1e-9, 0.0)), ('rods', 'front_radius', 0.0), ('rods', 'rear_radius', -0.1),
+    ('rods', 'support_length', 0.0), ('rods', 'command_time_constant', -0.1), ('fin', 'chains', 1), ('fin', 'links', 0),
+    ('fin', 'span', 0.0), ('fin', 'thickness', 0.0), ('fin', 'density', 0.0), ('fin', 'youngs_modulus', -1.0),
+    ('fin', 'joint_damping', -0.1), ('fin', 'drag_coefficient', -1.0), ('water', 'density', -1.0),
+    ('solver', 'time_step', 0.0), ('body', 'mass', 10**400), ('water', 'current', (0, 10**400, 0)),
+])
+def test_what_no_robot_can_have_is_refused(group, name, value):
+    with pytest.raises(ValueError, match=rf'^{group}\.{name}'):
+        GROUPS[group](**{name: value})
+
+
+def test_a_support_that_cannot_reach_from_rod_to_rod_is_refused():
+    Rods(front_radius=0.3, rear_radius=0.1, support_length=0.2001)
+    for front_radius, rear_radius in ((0.3, 0.1), (0.1, 0.3)):
+        with pytest.raises(ValueError, match=r'^rods\.support_length is 0\.1999, .*rods\.rear_radius, 0\.2 m'):
+            Rods(front_radius=front_radius, rear_radius=rear_radius, support_length=0.1999)
+    with pytest.raises(ValueError, match=r'^rods\.support_length is 0\.05'):  # equal, but for 0.235 - 0.185 rounded
+        Rods(support_length=0.05)
+
+
+def test_numbers_of_numpy_and_lists_become_plain_numbers_and_tuples():
+    fin = Fin(chains=np.int64(12), links=np.int32(4), span=np.float64(0.25), thickness=Fraction(1, 64), density=900)
+    assert fin == Fin(chains=12, links=4, span=0.25, thickness=0.015625, density=900.0)
+    assert [type(value) for value in dataclasses.astuple(fin)] == [int, int] + [float] * 6
+    for current in ([1, 2.0, np.float32(3.0)], np.array([1.0, 2.0, 3.0]), np.array([1, 2, 3])):
+        made = Water(current=current).current
+        assert made == (1.0, 2.0, 3.0)
+        assert type(made) is tuple and {type(part) for part in made} == {float}
+
+
+@pytest.mark.parametrize('group', GROUPS)
+def test_parameters_are_frozen(group):
+    parameters = Parameters()
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        setattr(parameters, group, getattr(parameters, group))
+    for name in DEFAULTS[group]:
+        with pytest.raises(dataclasses.FrozenInstanceError):
+            setattr(getattr(parameters, group), name, DEFAULTS[group][name])
+
+
+def test_replace_makes_a_checked_variant_and_leaves_the_original():
+    parameters = Parameters()
+    other = parameters.replace(fin={'chains': 12}, water={'density': 1000.0})
+    assert (other.fin.chains, other.fin.links, other.water.density) == (12, 3, 1000.0)
+    assert parameters == Parameters() != other
+    with pytest.raises(ValueError, match=r'^fin\.chains is 0'):
+        parameters.replace(fin={'chains': 0})
+    assert parameters.replace() == parameters
+
+
+def test_replace_on_the_dataclasses_makes_the_same_variant():
+    parameters = Parameters()
+    fin = dataclasses.replace(parameters.fin, chains=12)
+    assert dataclasses.replace(parameters, fin=fin) == parameters.replace(fin={'chains': 12})
+
+
+@pytest.mark.parametrize(('groups', 'reason'), [
+    ({'finn': {'chains': 8}}, 'finn is no group of parameters; the groups are water, body, rods, fin, solver'),
+    ({'fin': {'chain': 8}}, 'fin.chain is no parameter; fin has chains, links, '),
+    ({'fin': 8}, 'fin is 8, but must be a group of named values'),
+    ({'fin': {8: 8}}, 'fin.8 is no parameter'),
+    ({'imu': {'seed': 1}}, 'imu is no group of parameters'),
+])
+def test_replace_refuses_what_is_unknown_and_names_what_is_known(groups, reason):
+    with pytest.raises(ValueError, match=f'^{re.escape(reason)}'):
+        Parameters().replace(**groups)
+
+
+@pytest.mark.parametrize('group', GROUPS)
+def test_a_group_of_another_class_is_refused(group):
+    for bad in (None, {}, Fin() if group != 'fin' else Water()):
+        with pytest.raises(ValueError, match=f'^{group} is .* must be a '):
+            Parameters(**{group: bad})

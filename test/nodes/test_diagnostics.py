@@ -1,0 +1,144 @@
+"""Diagnostics: what is wrong is said, at its level, in words with the numbers; of a real node, and case by case."""
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from std_msgs.msg import Float64MultiArray
+from std_srvs.srv import SetBool
+
+from manta_sim_ros.nodes.diagnostics import Health, statuses
+from manta_sim_ros.nodes.refusals import Refused
+
+OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
+SWIM = [0.7, 0.7, 0.6, 0.6, 0.7, 0.7]
+NONE = Refused(0, 0, '')
+WELL = Health(
+    time=12.5, paused=False, wanted_factor=1.0, reached_factor=1.0, computing=2.7e-5, command_age=0.1, timed_out=False,
+    refused=dict.fromkeys(('fin_command', 'set_pose', 'current', 'body_wrench'), NONE), current=np.zeros(3),
+    pushed=False, diverged_lately=False, finite=True, time_step=0.002, largest_step=0.0049)
+
+
+def refused(topic, total, lately=0, reason=''):
+    """Return the change of a node that refused messages of one topic."""
+    return {'refused': WELL.refused | {topic: Refused(total, lately, reason)}}
+
+
+def by_matter(messages):
+    return {status.name.partition(': ')[2]: status for status in messages}
+
+
+def test_a_robot_that_is_well_is_ok_in_everything():
+    said = statuses('/manta_sim', WELL)
+    assert [status.name for status in said] == [
+        '/manta_sim: pace', '/manta_sim: commands', '/manta_sim: disturbances', '/manta_sim: motion',
+        '/manta_sim: time step']
+    assert {status.level for status in said} == {OK}
+    assert {status.hardware_id for status in said} == {'/manta_sim'}
+    values = {value.key: value.value for status in said for value in status.values}
+    assert values == {
+        'simulated time [s]': '12.500', 'real-time factor': '1', 'real-time factor asked for': '1',
+        'computing time of a step [us]': '27', 'age of the last fin_command [s]': '0.1', 'refused': '0',
+        'set_pose refused': '0',
+        'current [m/s]': '0 0 0', 'body_wrench acts': 'false', 'disturbances refused': '0',
+        'finite': 'true', 'solver.time_step [s]': '0.002', 'largest stable [s]': '0.0049'}
+
+
+def test_what_is_not_known_is_a_dash():
+    unknown = dataclasses.replace(
+        WELL, paused=True, reached_factor=math.nan, computing=math.nan, command_age=math.nan)
+    values = {value.key: value.value for status in statuses('/manta_sim', unknown) for value in status.values}
+    assert [key for key, value in values.items() if value == '-'] == [
+        'real-time factor', 'computing time of a step [us]', 'age of the last fin_command [s]']
+
+
+@pytest.mark.parametrize(('change', 'matter', 'level', 'words'), [
+    ({'paused': True, 'reached_factor': math.nan}, 'pace', OK, 'paused'),
+    ({'reached_factor': 0.42}, 'pace', WARN, 'cannot keep up: simulated time runs at 0.42 times real time'),
+    ({'reached_factor': 0.96}, 'pace', OK, '0.96 times real time'),
+    ({'wanted_factor': 0.0, 'reached_factor': 35.0}, 'pace', OK, '35 times real time'),
+    ({'command_age': math.nan}, 'commands', OK, 'no fin_command yet'),
+    ({'timed_out': True, 'command_age': 2.0}, 'commands', WARN, 'no fin_command for 2 s'),
+    (refused('fin_command', 9, 3, 'left phase is nan'), 'commands', WARN,
+     '3 fin_command refused just now: left phase is nan'),
+    (refused('fin_command', 9), 'commands', OK, 'the last fin_command came 0.1 s ago'),
+    (refused('set_pose', 2, 2, 'pose.orientation has norm 0'), 'commands', WARN,
+     '2 set_pose refused just now: pose.orientation has norm 0'),
+    ({}, 'disturbances', OK, 'the water is still, no external wrench acts'),
+    ({'current': np.array([0.3, 0.0, -0.4])}, 'disturbances', OK,
+     'the water flows at 0.5 m/s, no external wrench acts'),
+    ({'pushed': True, **refused('current', 2)}, 'disturbances', OK, 'the water is still, a body_wrench acts'),
+    (refused('current', 9, 2, 'vector.x is nan'), 'disturbances', WARN, '2 current refused just now: vector.x is nan'),
+    (refused('body_wrench', 1, 1, 'wrench.force.x is inf'), 'disturbances', WARN,
+     '1 body_wrench refused just now: wrench.force.x is inf'),
+    ({'diverged_lately': True}, 'motion', ERROR, 'diverged and the robot was put at rest'),
+    ({'finite': False}, 'motion', ERROR, 'diverged'),
+    ({'time_step': 0.005}, 'time step', WARN, 'is 0.005 s, but this gait is stable up to about 0.0049 s only'),
+])
+def test_what_is_wrong_is_said_at_its_level_with_its_numbers(change, matter, level, words):
+    said = by_matter(statuses('/manta_sim', dataclasses.replace(WELL, **change)))
+    assert said[matter].level == level and words in said[matter].message
+    assert {status.level for name, status in said.items() if name != matter} == {OK}
+
+
+@pytest.fixture(scope='module')
+def robot(module_launch, probe):
+    node = module_launch(
+        'sim_node', '-p command_timeout:=1.0 -r __ns:=/well -r /clock:=/well/clock -r /diagnostics:=/well/diagnostics')
+    node.heard = probe.record(DiagnosticArray, '/well/diagnostics')
+    node.commands = probe.node.create_publisher(Float64MultiArray, '/well/fin_command', 10)
+    probe.until(lambda: node.heard, 'diagnostics')
+    return node
+
+
+def until_said(robot, probe, matter, words, doing=None):
+    def said():
+        status = by_matter(robot.heard[-1].status)[matter]
+        return words in status.message and status
+    probe.until(said, words, doing=doing)
+    return said()
+
+
+def test_a_node_says_once_a_second_how_it_is(robot, probe):
+    heard = len(robot.heard)
+    probe.until(lambda: len(robot.heard) >= heard + 3, 'three more')
+    assert robot.heard.rising
+    sent = robot.heard.sent[heard:]
+    seconds = [(later - earlier) * 1e-9 for earlier, later in zip(sent, sent[1:])]
+    assert min(seconds) > 0.9
+    assert all(status.name.startswith('/well/manta_sim: ') for status in robot.heard[-1].status)
+
+
+def test_a_node_says_what_became_of_the_commands(robot, probe):
+    assert until_said(robot, probe, 'commands', 'no fin_command yet').level == OK
+    good, bad = Float64MultiArray(data=SWIM), Float64MultiArray(data=[0.7])
+    assert until_said(robot, probe, 'commands', 'command came', lambda: robot.commands.publish(good)).level == OK
+    refused = until_said(robot, probe, 'commands', 'refused just now', lambda: robot.commands.publish(bad))
+    assert refused.level == WARN and 'there are 1 values, but must be 6' in refused.message
+    assert until_said(robot, probe, 'commands', 'no fin_command for').level == WARN
+    assert until_said(robot, probe, 'commands', 'command came', lambda: robot.commands.publish(good)).level == OK
+
+
+def test_a_paused_node_goes_on_saying_so(robot, probe):
+    client = probe.node.create_client(SetBool, '/well/manta_sim/pause')
+    probe.until(client.service_is_ready, 'the service')
+    assert until_said(
+        robot, probe, 'pace', 'paused', lambda: client.call_async(SetBool.Request(data=True))).level == OK
+    heard = len(robot.heard)
+    probe.until(lambda: len(robot.heard) >= heard + 2, 'two more')
+    until_said(robot, probe, 'pace', 'times real time', lambda: client.call_async(SetBool.Request(data=False)))
+    paces = [by_matter(message.status)['pace'] for message in robot.heard[heard:heard + 2]]
+    assert {pace.level for pace in paces} == {OK} and all('paused' in pace.message for pace in paces)
+
+
+def test_a_divergence_is_an_error(launch, probe):
+    node = launch('sim_node', '-p solver.time_step:=0.009 -r __ns:=/broken -r /clock:=/broken/clock '
+                              '-r /diagnostics:=/broken/diagnostics')
+    node.heard = probe.record(DiagnosticArray, '/broken/diagnostics')
+    commands = probe.node.create_publisher(Float64MultiArray, '/broken/fin_command', 10)
+    probe.until(lambda: node.heard and commands.get_subscription_count(), 'diagnostics')
+    command = Float64MultiArray(data=SWIM)
+    assert until_said(node, probe, 'motion', 'diverged', lambda: commands.publish(command)).level == ERROR
+    assert until_said(node, probe, 'time step', 'is 0.009 s, but this gait is stable up to about').level == WARN

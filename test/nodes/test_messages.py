@@ -1,0 +1,235 @@
+"""A state becomes messages, and a message becomes commands, value for value."""
+
+import dataclasses
+import itertools
+import math
+
+import numpy as np
+import pytest
+from builtin_interfaces.msg import Time
+from geometry_msgs.msg import PoseStamped, TwistStamped, Vector3, Vector3Stamped, Wrench, WrenchStamped
+from nav_msgs.msg import Odometry
+from rosgraph_msgs.msg import Clock
+from std_msgs.msg import Float64MultiArray
+
+from evidence.scenarios import SWIM, TURN, sized
+from manta_sim_ros.dynamics import FinCommand, Parameters, Simulator, State, fin_surfaces
+from manta_sim_ros.nodes import messages
+from manta_sim_ros.sensors import Imu, ImuReading
+
+STAMP = Time(sec=3, nanosec=20_000_000)
+SIX = [0.1, 0.2, 0.3, 0.4, 0.5, 0.6]
+TEN = [*SIX, 0.07, -0.08, 0.09, -0.11]
+SLOTS = [
+    ('left', 'amplitude'), ('right', 'amplitude'), ('left', 'frequency'), ('right', 'frequency'), ('left', 'phase'),
+    ('right', 'phase'), ('left', 'front_bias'), ('right', 'front_bias'), ('left', 'rear_bias'), ('right', 'rear_bias'),
+]
+
+
+@pytest.fixture
+def state():
+    """A state in which no two values are equal."""
+    return dataclasses.replace(
+        State.at_rest(Parameters()), position=np.array([1.0, 2.0, 3.0]), orientation=np.array([0.1, 0.5, 0.5, 0.7]),
+        twist=np.array([0.4, 0.5, 0.6, 0.7, 0.8, 0.9]),
+    )
+
+
+def xyz(vector):
+    return [vector.x, vector.y, vector.z]
+
+
+def quaternion(orientation):
+    return [orientation.x, orientation.y, orientation.z, orientation.w]
+
+
+@pytest.mark.parametrize(('seconds', 'sec', 'nanosec'), [
+    (0.0, 0, 0),
+    (0.01 * 3, 0, 30_000_000),
+    (29.000000000000004, 29, 0),
+    (1.9999999999, 2, 0),
+    (86400.002, 86400, 2_000_000),
+    (2_000_000.998, 2_000_000, 998_000_000),
+])
+def test_a_time_is_stamped_to_the_nearest_nanosecond(seconds, sec, nanosec):
+    assert messages.time_message(seconds) == Time(sec=sec, nanosec=nanosec)
+
+
+def test_the_clock_announces_its_stamp():
+    assert messages.clock_message(STAMP) == Clock(clock=STAMP)
+
+
+def test_the_pose_is_that_of_the_body_in_the_world_frame(state):
+    message = messages.pose_message(state, messages.header(STAMP, 'world'))
+    assert isinstance(message, PoseStamped)
+    assert (message.header.stamp, message.header.frame_id) == (STAMP, 'world')
+    assert xyz(message.pose.position) == [1.0, 2.0, 3.0]
+    assert quaternion(message.pose.orientation) == [0.1, 0.5, 0.5, 0.7]
+
+
+def test_the_twist_is_in_the_body_frame(state):
+    message = messages.twist_message(state, messages.header(STAMP, 'body'))
+    assert isinstance(message, TwistStamped)
+    assert (message.header.stamp, message.header.frame_id) == (STAMP, 'body')
+    assert xyz(message.twist.linear) == [0.4, 0.5, 0.6]
+    assert xyz(message.twist.angular) == [0.7, 0.8, 0.9]
+
+
+def test_odometry_joins_pose_and_twist_and_has_no_uncertainty(state):
+    pose = messages.pose_message(state, messages.header(STAMP, 'world'))
+    twist = messages.twist_message(state, messages.header(STAMP, 'body'))
+    message = messages.odometry_message(pose, twist)
+    assert isinstance(message, Odometry)
+    assert (message.header.stamp, message.header.frame_id, message.child_frame_id) == (STAMP, 'world', 'body')
+    assert (message.pose.pose, message.twist.twist) == (pose.pose, twist.twist)
+    assert not np.any(message.pose.covariance) and not np.any(message.twist.covariance)
+
+
+def test_a_wrench_is_a_force_then_a_moment():
+    message = messages.wrench_message(np.arange(1.0, 7.0), messages.header(STAMP, 'body'))
+    assert isinstance(message, WrenchStamped)
+    assert (message.header.stamp, message.header.frame_id) == (STAMP, 'body')
+    assert xyz(message.wrench.force) == [1.0, 2.0, 3.0]
+    assert xyz(message.wrench.torque) == [4.0, 5.0, 6.0]
+
+
+def test_six_values_are_amplitudes_frequencies_and_phases_left_then_right():
+    left, right = messages.fin_commands(Float64MultiArray(data=SIX).data)
+    assert left == FinCommand(amplitude=0.1, frequency=0.3, phase=0.5)
+    assert right == FinCommand(amplitude=0.2, frequency=0.4, phase=0.6)
+
+
+def test_ten_values_have_the_biases_after_these():
+    left, right = messages.fin_commands(Float64MultiArray(data=TEN).data)
+    assert left == FinCommand(amplitude=0.1, frequency=0.3, phase=0.5, front_bias=0.07, rear_bias=0.09)
+    assert right == FinCommand(amplitude=0.2, frequency=0.4, phase=0.6, front_bias=-0.08, rear_bias=-0.11)
+
+
+@pytest.mark.parametrize('length', [0, 1, 5, 7, 8, 9, 11, 1000])
+def test_another_number_of_values_is_refused(length):
+    with pytest.raises(ValueError, match=rf'\b{length} values.* 6 .* 10 '):
+        messages.fin_commands([0.1] * length)
+
+
+@pytest.mark.parametrize('bad', [math.nan, math.inf, -math.inf, 1e300])
+@pytest.mark.parametrize('slot', range(10))
+def test_a_bad_value_is_refused_by_its_name_with_its_bound(slot, bad):
+    side, field = SLOTS[slot]
+    lengths = (6, 10) if slot < 6 else (10,)
+    for length in lengths:
+        values = TEN[:length]
+        values[slot] = bad
+        with pytest.raises(ValueError, match=rf'{side}.*{field}.*{str(bad).replace("+", ".")}.* from .* to '):
+            messages.fin_commands(values)
+
+
+def test_a_transform_is_the_pose(state):
+    pose = messages.pose_message(state, messages.header(STAMP, 'world'))
+    message = messages.transform_message(pose, 'manta')
+    assert (message.header.stamp, message.header.frame_id, message.child_frame_id) == (STAMP, 'world', 'manta')
+    assert xyz(message.transform.translation) == state.position.tolist()
+    assert quaternion(message.transform.rotation) == state.orientation.tolist()
+
+
+def test_what_the_imu_reads_is_said_with_the_variances_of_its_noise():
+    reading = ImuReading(np.array([0.1, 0.5, 0.5, 0.7]), np.array([1.0, 2.0, 3.0]), np.array([4.0, 5.0, 6.0]))
+    imu = Imu(orientation_noise=0.5, angular_velocity_noise=0.25, acceleration_noise=2.0)
+    message = messages.imu_message(reading, imu, messages.header(STAMP, 'base_link'))
+    assert message.header.frame_id == 'base_link' and message.header.stamp == STAMP
+    assert quaternion(message.orientation) == [0.1, 0.5, 0.5, 0.7]
+    assert xyz(message.angular_velocity) == [1.0, 2.0, 3.0]
+    assert xyz(message.linear_acceleration) == [4.0, 5.0, 6.0]
+    for covariance, deviation in ((message.orientation_covariance, 0.5), (message.angular_velocity_covariance, 0.25),
+                                  (message.linear_acceleration_covariance, 2.0)):
+        np.testing.assert_array_equal(np.reshape(covariance, (3, 3)), deviation**2 * np.eye(3))
+
+
+def test_a_pressure_is_said_with_the_variance_of_its_noise():
+    message = messages.pressure_message(101325.5, 30.0, messages.header(STAMP, 'base_link'))
+    assert (message.fluid_pressure, message.variance) == (101325.5, 900.0)
+    assert message.header == messages.header(STAMP, 'base_link')
+
+
+RODS = ['left_front_rod', 'left_rear_rod', 'right_front_rod', 'right_rear_rod']
+
+
+def test_the_joints_are_the_rods_and_if_wanted_supports_and_chains():
+    parameters = sized(3, 2)
+    simulator = Simulator(parameters)
+    simulator.command(left=SWIM, right=TURN)
+    state, header = simulator.advance(0.5), messages.header(STAMP, 'base_link')
+    names = messages.joint_names(parameters, fins=False)
+    message = messages.joint_state_message(state, parameters, names, header)
+    assert message.header == header
+    assert message.name == RODS and list(message.position) == state.rod_angles.ravel().tolist()
+    later = simulator.advance(0.002)
+    expected = (later.rod_angles - state.rod_angles).ravel() / 0.002
+    np.testing.assert_allclose(message.velocity, expected, atol=0.02 * np.abs(expected).max())  # half a step later
+
+    names = messages.joint_names(parameters, fins=True)
+    message = messages.joint_state_message(state, parameters, names, header)
+    angles = dict(zip(message.name, message.position, strict=True))
+    rates = dict(zip(message.name, message.velocity, strict=True))
+    after = messages.joint_state_message(later, parameters, names, header)
+    assert len(angles) == len(message.name) == 4 + 4 + 2 * 3 * 2
+    assert [angles[name] for name in RODS] == state.rod_angles.ravel().tolist()
+    for side, name in enumerate(('left', 'right')):
+        for chain, joint in itertools.product(range(3), range(2)):
+            assert angles[f'{name}_chain_{chain}_joint_{joint}'] == state.joint_angles[side, chain, joint]
+    roots = fin_surfaces(parameters, state.rod_angles, state.joint_angles)[..., 0, :]  # on the supports
+    for side, (name, mirrored) in enumerate((('left', 1.0), ('right', -1.0))):
+        x, y, z = (roots[side, 0] - roots[side, -1]) * [1.0, mirrored, 1.0]  # along x_0, as on the left
+        assert angles[f'{name}_support_yaw'] == pytest.approx(math.atan2(y, x), abs=1e-12)
+        assert angles[f'{name}_support_pitch'] == pytest.approx(math.atan2(-z, math.hypot(x, y)), abs=1e-12)
+        for joint in ('yaw', 'pitch'):
+            joint = f'{name}_support_{joint}'
+            change = (dict(zip(names, after.position))[joint] - angles[joint]) / 0.002
+            assert rates[joint] == pytest.approx(change, abs=0.05 * max(abs(change), 0.1))
+        for chain, joint in itertools.product(range(3), range(2)):
+            assert rates[f'{name}_chain_{chain}_joint_{joint}'] == state.joint_rates[side, chain, joint]
+        assert x > 0.0 and angles[f'{name}_support_yaw'] and angles[f'{name}_support_pitch']
+
+
+def vector(*values):
+    return Vector3(**dict(zip('xyz', values)))
+
+
+def current(*values, frame='world'):
+    return Vector3Stamped(header=messages.header(STAMP, frame), vector=vector(*values))
+
+
+def wrench(force=(0.0, 0.0, 0.0), torque=(0.0, 0.0, 0.0), frame='manta'):
+    return WrenchStamped(
+        header=messages.header(STAMP, frame), wrench=Wrench(force=vector(*force), torque=vector(*torque)))
+
+
+def test_a_current_is_read_and_so_are_its_bounds():
+    assert messages.current_of(current(0.1, -10.0, 10.0), 'world') == [0.1, -10.0, 10.0]
+
+
+@pytest.mark.parametrize(('message', 'words'), [
+    (current(0.0, 10.001, 0.0), r'vector\.y is 10\.001, but must be from -10 to 10 m/s'),
+    (current(0.0, 0.0, -math.inf), r'vector\.z is -inf, but must be from -10 to 10 m/s'),
+    (current(math.nan, 0.0, 0.0), r'vector\.x is nan, but must be from -10 to 10 m/s'),
+    (current(0.1, 0.0, 0.0, frame='manta'), "header.frame_id is 'manta', but must be 'world'"),
+    (current(0.1, 0.0, 0.0, frame=''), "header.frame_id is '', but must be 'world'"),
+])
+def test_a_bad_current_is_refused_by_name_with_its_bound(message, words):
+    with pytest.raises(ValueError, match=words):
+        messages.current_of(message, 'world')
+
+
+@pytest.mark.parametrize('frame', ['manta', 'world'])
+def test_a_wrench_is_read_with_its_frame(frame):
+    message = wrench((1.0, 2.0, -1e6), (4.0, 5.0, 1e6), frame=frame)
+    assert messages.wrench_of(message, 'manta', 'world') == (frame, [1.0, 2.0, -1e6, 4.0, 5.0, 1e6])
+
+
+@pytest.mark.parametrize(('message', 'words'), [
+    (wrench(force=(0.0, 1.1e6, 0.0)), r'wrench\.force\.y is 1100000\.0, but must be from -1e\+06 to 1e\+06 N'),
+    (wrench(torque=(0.0, 0.0, math.nan)), r'wrench\.torque\.z is nan, but must be from -1e\+06 to 1e\+06 N m'),
+    (wrench(frame='map'), "header.frame_id is 'map', but must be 'manta' or 'world'"),
+])
+def test_a_bad_wrench_is_refused_by_name_with_its_bound(message, words):
+    with pytest.raises(ValueError, match=words):
+        messages.wrench_of(message, 'manta', 'world')

@@ -1,0 +1,101 @@
+"""The outputs of a node in this process: what is not done for nobody, what is waited for, and when what is due."""
+
+import dataclasses
+from types import SimpleNamespace
+
+import pytest
+from rclpy.publisher import Publisher
+from visualization_msgs.msg import MarkerArray
+
+from manta_sim_ros.dynamics import Simulator
+from manta_sim_ros.nodes.markers import Markers
+from manta_sim_ros.nodes.outputs import PATIENCE, Outputs
+from manta_sim_ros.nodes.parameters import Settings
+from manta_sim_ros.nodes.qos import QUEUE_DEPTH
+
+
+@pytest.fixture
+def simulator():
+    return Simulator()
+
+
+@pytest.fixture
+def outputs(probe):
+    settings = Settings()
+    return Outputs(probe.node, lambda: settings, lambda: (0.0, 0.0, 0.0))
+
+
+def test_nothing_is_made_while_nobody_subscribes(outputs, simulator, probe, monkeypatch):
+    made, forgotten = [], []
+    message, forget = Markers.message, Markers.forget
+    monkeypatch.setattr(Markers, 'message', lambda *arguments: made.append(1) or message(*arguments))
+    monkeypatch.setattr(Markers, 'forget', lambda markers: forgotten.append(1) or forget(markers))
+    for _ in range(50):
+        outputs.publish(simulator.advance(0.01))
+    assert not made
+    with probe.record(MarkerArray, 'fin_markers') as heard:
+        def publish():
+            outputs.publish(simulator.advance(0.01))
+        probe.until(lambda: len(heard) > 2, 'markers', doing=publish, every=0.0)
+        assert len(made) >= len(heard)
+    probe.until(lambda: not probe.node.count_subscribers('fin_markers'), 'the end of the subscription')
+    made.clear()
+    forgotten.clear()
+    for _ in range(50):
+        publish()
+    assert not made and len(forgotten) == 5
+
+
+@pytest.mark.parametrize('all_taken', [True, False])
+def test_each_time_that_the_queues_are_full_all_subscribers_are_waited_for_unless_they_take_too_long(
+        outputs, simulator, monkeypatch, all_taken):
+    done, published = [], []
+    publish = Outputs.publish
+
+    def wait(publisher, timeout):
+        assert 0.0 <= timeout.nanoseconds * 1e-9 <= PATIENCE
+        done.append((len(published), publisher.topic_name))
+        return all_taken
+
+    monkeypatch.setattr(Publisher, 'wait_for_all_acked', wait)
+    monkeypatch.setattr(Outputs, 'publish', lambda self, state: (published.append(state), publish(self, state)))
+    outputs.publish_all(simulator.advance(0.01) for _ in range(35))
+    assert len(published) == 35
+    topics = {'/pose', '/twist', '/odom', '/fin_wrench', '/left_fin/wrench', '/right_fin/wrench', '/imu/data',
+              '/pressure', '/joint_states', '/fin_markers', '/clock'}
+    if all_taken:
+        waited = {number: {topic for at, topic in done if at == number} for number, _ in done}
+        assert waited == {QUEUE_DEPTH: topics, 2 * QUEUE_DEPTH: topics, 3 * QUEUE_DEPTH: topics}
+    else:
+        assert [number for number, _ in done] == [QUEUE_DEPTH]
+
+
+@pytest.mark.parametrize('rate', [10.0, 20.0, 30.0, 50.0, 100.0])
+def test_an_output_with_a_rate_of_its_own_is_due_as_often_as_the_rate_says(outputs, rate):
+    due = 0
+    for tick in range(1, 30_001):
+        state = SimpleNamespace(time=tick * 0.01)
+        due += outputs._due(state, rate)
+        outputs._before = state
+    assert due == 300 * rate
+
+
+def test_the_path_begins_anew_wherever_the_robot_is_put_whenever_that_is(outputs, simulator, monkeypatch):
+    forgotten = []
+    monkeypatch.setattr(Markers, 'forget', lambda markers: forgotten.append(1))
+    monkeypatch.setattr(type(outputs._fin_markers), 'get_subscription_count', lambda publisher: 1)
+    for _ in range(13):
+        outputs.publish(simulator.advance(0.01))
+    assert not forgotten
+
+    def put(x):
+        return simulator.reset(dataclasses.replace(simulator.state, position=[x, 0.0, 0.0], step_count=0,
+                                                   start_time=simulator.state.time))
+    put(3.0)
+    outputs.publish(simulator.advance(0.01))  # as running: between two markers, seen at the next tick only
+    assert len(forgotten) == 1
+    outputs.publish(simulator.advance(0.01))
+    assert len(forgotten) == 1
+    for x in (5.0, 7.0):  # as paused: at once, twice at the same time
+        outputs.publish(put(x))
+    assert len(forgotten) == 3

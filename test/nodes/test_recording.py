@@ -1,0 +1,196 @@
+"""What a recorder finds on the topics, read back with `rosbags`: every message, in order, as the library has it."""
+
+import re
+import shutil
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from rosgraph_msgs.msg import Clock
+
+from evidence import harness
+from evidence.harness.lockstep import LockstepRobot
+from evidence.harness.processes import LIMIT
+from manta_sim_ros.dynamics import FinCommand, Parameters, Simulator
+from manta_sim_ros.nodes.qos import message_class
+
+AnyReader = pytest.importorskip('rosbags.highlevel').AnyReader
+pytest.importorskip('mcap')
+
+WRENCHES = ['fin_wrench', 'left_fin/wrench', 'right_fin/wrench']
+AT_EACH_TICK = ['pose', 'twist', 'odom', *WRENCHES, 'imu/data', 'pressure', 'clock']
+RATES = dict.fromkeys(AT_EACH_TICK, 100) | {'joint_states': 50, 'fin_markers': 10}  # in simulated time [Hz]
+
+GAIT = [0.7, 0.4, 0.6, 0.5, 0.7, 0.3]
+STEP = 0.5  # [s]: of more messages than a publisher's queue holds
+STEPS = 4
+DURATION = 2  # s
+QUEUE = 1000  # messages: of running time nothing is lost while a recorder stands still for seconds
+SECOND = 1_000_000_000  # ns
+ROS2_BAG_RECORD = ['ros2', 'bag', 'record']
+
+
+class Recorder:
+    """A recorder in a process of its own, which the end of its context ends. All that it prints goes to a file."""
+
+    def __init__(self, command, bag, heard):
+        self.bag, self._log, self._heard = bag, bag.with_suffix('.log'), heard
+        with self._log.open('wb') as file:
+            self._process = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=file, stderr=subprocess.STDOUT)
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *exception):
+        self._process.kill()
+        self._process.wait()
+
+    @property
+    def output(self):
+        return self._log.read_text(errors='replace')
+
+    @property
+    def heard(self):
+        """What it said last of each topic that it hears."""
+        assert self._process.poll() is None, self.output
+        return dict(re.findall(self._heard, self.output))
+
+    def end(self):
+        self._process.send_signal(signal.SIGINT)
+        return self._process.wait(LIMIT)
+
+
+def mcap_recorder(directory, topics):
+    """Start the recorder of the harness, which says of each message when it was sent."""
+    bag = directory / 'bag.mcap'
+    script = Path(harness.__file__).with_name('recorder.py')
+    return Recorder([sys.executable, str(script), str(bag), *topics], bag, r'(/\S+) (\d+)\n')
+
+
+def ros2_recorder(directory, topics):
+    """Start the one of ROS 2, which says what it has subscribed to."""
+    bag = directory / 'bag'
+    return Recorder([
+        *ROS2_BAG_RECORD, '--storage', 'mcap', '--output', str(bag), '--disable-keyboard-controls',
+        '--topics', *topics,
+    ], bag, r"Subscribed to topic '(\S+)'()")
+
+
+def there_is_a_ros2_recorder():
+    return bool(shutil.which('ros2')) and not subprocess.run(
+        [*ROS2_BAG_RECORD, '--help'], stdin=subprocess.DEVNULL, capture_output=True).returncode
+
+
+def stamp(message):
+    """Return the stamp [ns] of a message of any topic; markers have one each, all the same."""
+    first = message.markers[0] if hasattr(message, 'markers') else message
+    time = first.header.stamp if hasattr(first, 'header') else first.clock
+    return time.sec * SECOND + time.nanosec
+
+
+def read(bag):
+    """Return the type of each topic in a bag, and its messages in the order in which they were written."""
+    with AnyReader([bag]) as reader:
+        types = {connection.topic: connection.msgtype for connection in reader.connections}
+        messages = {topic: [] for topic in types}
+        for connection, _, data in reader.messages():
+            messages[connection.topic].append(reader.deserialize(data, connection.msgtype))
+    return types, messages
+
+
+def types_on_the_graph(probe, topics):
+    def offered():
+        return {topic: probe.node.get_publishers_info_by_topic(topic) for topic in topics}
+
+    probe.until(lambda: all(offered().values()), 'the publishers')
+    return {topic: publishers[0].topic_type for topic, publishers in offered().items()}
+
+
+@pytest.fixture(scope='module')
+def swim(module_launch, probe, tmp_path_factory):
+    """What was recorded of a swim from rest, step by step: the messages of each topic, and when it began [ns]."""
+    name = 'recorded'
+    topics = {topic: f'/{name}/{topic}' for topic in RATES}
+    robot = LockstepRobot(module_launch, probe, name, '-p start_paused:=true')
+    while robot.step() % round(STEP * SECOND):  # to a multiple of all periods
+        pass
+    assert robot.set_parameter('step_duration', STEP).successful
+    types = types_on_the_graph(probe, topics.values())
+    sent = {topic: probe.record(message_class(kind), topic) for topic, kind in types.items()}
+    with mcap_recorder(tmp_path_factory.mktemp('recording'), topics.values()) as recorder:
+        def step():
+            """Step, and wait until the last message of each topic is in the bag."""
+            end = robot.step()
+            probe.until(
+                lambda: all(messages and stamp(messages[-1]) == end for messages in sent.values()), 'all outputs')
+            last = {topic: str(messages.sent[-1]) for topic, messages in sent.items()}
+            probe.until(lambda: recorder.heard == last, f'what is sent until {end} ns in the bag')
+            return end
+
+        probe.until(lambda: recorder.heard.keys() == types.keys(), 'a message of each topic', doing=robot.step)
+        began = step()
+        assert robot.trigger('reset').success
+        robot.command(GAIT)
+        for _ in range(STEPS):
+            step()
+        assert recorder.end() == 0, recorder.output
+    recorded, messages = read(recorder.bag)
+    assert recorded == types
+    return {
+        topic: [message for message in messages[name] if stamp(message) > began] for topic, name in topics.items()
+    }, began
+
+
+@pytest.mark.parametrize('topic', RATES)
+def test_every_message_of_a_swim_is_in_the_bag_once_and_in_order(swim, topic):
+    messages, began = swim
+    count, period = round(RATES[topic] * STEPS * STEP), SECOND // RATES[topic]
+    assert [stamp(message) for message in messages[topic]] == [began + k * period for k in range(1, count + 1)]
+
+
+def vector(part):
+    return [part.x, part.y, part.z]
+
+
+def test_the_values_in_the_bag_are_those_of_the_library_bit_for_bit(swim):
+    messages, _ = swim
+    simulator = Simulator(Parameters())
+    simulator.command(left=FinCommand(*GAIT[0::2]), right=FinCommand(*GAIT[1::2]))
+    for k in range(len(messages['clock'])):
+        tick = {topic: messages[topic][k] for topic in AT_EACH_TICK}
+        state = simulator.advance(1.0 / RATES['clock'])
+        for pose in (tick['pose'].pose, tick['odom'].pose.pose):
+            assert vector(pose.position) == state.position.tolist()
+            assert [*vector(pose.orientation), pose.orientation.w] == state.orientation.tolist()
+        for twist in (tick['twist'].twist, tick['odom'].twist.twist):
+            assert vector(twist.linear) + vector(twist.angular) == state.twist.tolist()
+        for topic, wrench in zip(WRENCHES, (state.wrench, *state.fin_wrenches)):
+            assert vector(tick[topic].wrench.force) + vector(tick[topic].wrench.torque) == wrench.tolist()
+    assert state.time == STEPS * STEP and any(state.twist)
+
+
+@pytest.mark.parametrize('start', [mcap_recorder, pytest.param(ros2_recorder, marks=pytest.mark.skipif(
+    not there_is_a_ros2_recorder(), reason='ros2 bag record is not installed'))])
+def test_a_recording_of_running_time_has_no_gap(launch, probe, tmp_path, start):
+    name = f'heard_by_{start.__name__}'
+    topics = {topic: f'/{name}/{topic}' for topic in [*RATES, 'diagnostics']}
+    queues = ' '.join(f'-p qos_overrides.{topic}.publisher.depth:={QUEUE}' for topic in topics.values())
+    launch('sim_node', f'-r __ns:=/{name} -r /clock:=clock -r /diagnostics:=diagnostics {queues}')
+    types = types_on_the_graph(probe, topics.values())
+    with probe.record(Clock, topics['clock']) as clock:
+        probe.until(lambda: clock, 'the clock')
+        with start(tmp_path, topics.values()) as recorder:
+            probe.until(lambda: recorder.heard.keys() == types.keys(), 'a recorder that hears')
+            end = len(clock) + DURATION * RATES['clock']
+            probe.until(lambda: len(clock) >= end, f'{DURATION} s of simulated time')
+            recorder.end()
+    recorded, messages = read(recorder.bag)
+    assert recorded == types
+    stamps = {topic: [stamp(message) for message in messages[name]] for topic, name in topics.items()}
+    for topic, rate in RATES.items():
+        first, last = stamps[topic][0], stamps[topic][-1]
+        assert len(stamps[topic]) == 1 + (last - first) * rate // SECOND > DURATION * rate // 2
+        assert {after - before for before, after in zip(stamps[topic], stamps[topic][1:])} == {SECOND // rate}
+    assert stamps['diagnostics'] == sorted(set(stamps['diagnostics']))

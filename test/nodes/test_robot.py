@@ -1,0 +1,83 @@
+"""The robot behind the topics, without any: what is put where, what goes on, what ends."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from evidence.scenarios import SWIM, assert_same_bits
+from manta_sim_ros.dynamics import REST, FinCommand
+from manta_sim_ros.nodes.parameters import Settings
+from manta_sim_ros.nodes.robot import Robot
+
+LEVEL = (0.0, 0.0, 0.0, 1.0)
+TORQUE = (0.0, 0.0, 0.0, 1e6, 0.0, 0.0)
+VARYING = [('water.current_deviation', (0.1, 0.1, 0.1))]
+
+
+@pytest.fixture
+def lines():
+    return []
+
+
+def made(lines, *values):
+    return Robot(Settings().replace(values), lines.append, lines.append)
+
+
+def test_a_new_pose_ends_a_wrench_that_would_go_on(lines):
+    robot = made(lines, ('body_wrench_lifetime', 0.0))
+    robot.push(body_wrench=(0.0, 2.0, 0.0, 0.0, 0.0, 0.0))
+    assert robot.tick().twist[1] > 0.0 and robot.pushed
+    robot.put((1.0, 2.0, 3.0), LEVEL)
+    assert not robot.pushed
+    state = robot.tick()
+    np.testing.assert_array_equal(state.twist, 0.0)
+    np.testing.assert_array_equal(state.position, (1.0, 2.0, 3.0))
+
+
+def test_the_water_goes_on_as_it_is_at_a_new_pose_and_begins_anew_at_a_reset(lines):
+    robot = made(lines, *VARYING)
+    for _ in range(5):
+        before = robot.tick().current_deviation
+    assert np.all(before != 0.0)
+    np.testing.assert_array_equal(robot.put((0.0, 0.0, 0.0), LEVEL).current_deviation, before)
+    np.testing.assert_array_equal(robot.reset().current_deviation, 0.0)
+
+
+def test_a_divergence_puts_it_at_rest_in_water_that_goes_on_and_says_that_a_wrench_acted(lines):
+    robot = made(lines, *VARYING)
+    for _ in range(5):
+        before = robot.tick()
+    robot.push(body_wrench=TORQUE)
+    state = robot.tick()
+    assert robot.divergences == 1 and not robot.pushed
+    (line,) = lines
+    assert 'A body_wrench acted. The robot is put at rest where it was' in line
+    assert state.time == pytest.approx(before.time + 0.01, abs=1e-12)
+    np.testing.assert_array_equal(state.twist, 0.0)
+    np.testing.assert_array_equal(state.current_deviation, before.current_deviation)
+
+
+@pytest.mark.parametrize(('lifetime', 'steps'), [(0.154, 77), (0.155, 78), (0.002, 1), (0.0001, 1)])
+def test_a_wrench_acts_in_every_step_that_begins_in_its_lifetime(lines, lifetime, steps):
+    values = [('body_wrench_lifetime', lifetime), ('publish_rate', 500.0)]
+    robot, twin = made(lines, *values), made(lines, *values)
+    robot.push(world_wrench=(0.0, 0.0, 1.0, 0.1, 0.0, 0.0))
+    for step in range(90):
+        twin.release()
+        if step < steps:
+            twin.push(world_wrench=(0.0, 0.0, 1.0, 0.1, 0.0, 0.0))
+        assert robot.pushed == (step < steps)
+        assert_same_bits(robot.tick(), twin.tick())
+
+
+def test_the_biases_stay_when_the_amplitudes_glide_to_zero(lines):
+    robot = made(lines, ('command_timeout', 0.1))
+    robot.command(dataclasses.replace(SWIM, front_bias=0.1, rear_bias=-0.05), SWIM)
+    for _ in range(15):
+        robot.tick()
+    assert robot.timed_out
+    left, right = robot.commands
+    assert (left.amplitude, right.amplitude) == (0.0, 0.0)
+    assert (left.front_bias, left.rear_bias, left.frequency) == (0.1, -0.05, SWIM.frequency)
+    assert robot.commands != (REST, REST) and isinstance(left, FinCommand)

@@ -1,0 +1,266 @@
+"""Pause, step, reset and a new pose: others hold the robot's time, exactly; in lockstep it is the library's twin."""
+
+import dataclasses
+import itertools
+import math
+import re
+import signal
+
+import numpy as np
+import pytest
+from diagnostic_msgs.msg import DiagnosticArray
+from geometry_msgs.msg import PoseStamped
+from std_msgs.msg import Float64MultiArray
+
+from evidence.harness.lockstep import LockstepRobot, numbers
+from manta_sim_ros.dynamics import FinCommand, Parameters, Simulator, State
+
+SWIM = [0.7, 0.7, 0.6, 0.6, 0.7, 0.7]
+TURN = [0.5, 0.2, 0.8, 0.8, 0.6, -0.3]
+TICK = 10_000_000  # ns
+HALF = math.sqrt(0.5)
+
+
+@pytest.fixture(scope='module')
+def paused_robot(module_launch, probe):
+    robot = LockstepRobot(module_launch, probe, 'held', '-p start_paused:=true')
+    robot.trigger('step')
+    probe.until(lambda: robot.odometry and robot.wrench and robot.clock, 'outputs')
+    return robot
+
+
+@pytest.fixture
+def held(paused_robot):
+    """The paused robot at rest at the origin, as it was at its start but for the time."""
+    for name, value in (('step_duration', 0.01), ('command_timeout', 0.0)):
+        assert paused_robot.set_parameter(name, value).successful
+    assert paused_robot.trigger('reset').success
+    paused_robot.step()
+    return paused_robot
+
+
+def library_numbers(state):
+    return [*state.twist.tolist(), *state.wrench.tolist()]
+
+
+def test_paused_it_stands_still_and_goes_on_from_there(launch, probe):
+    robot = LockstepRobot(launch, probe, 'paused')
+    probe.until(lambda: len(robot.clock) > 20, 'the clock')
+    answer = robot.pause()
+    assert answer.success and re.fullmatch(r'paused at \S+ s of simulated time', answer.message)
+    probe.listen(0.5)  # what was under way
+    heard = len(robot.clock)
+    probe.listen(1.0)
+    assert len(robot.clock) == heard
+    stopped = robot.clock.stamps[-1]
+    assert float(answer.message.split()[2]) == pytest.approx(stopped * 1e-9)
+    assert robot.pause().success  # once more is as good as once
+    assert robot.pause(False).success
+    probe.until(lambda: len(robot.clock) > heard + 20, 'the clock')
+    after = robot.clock.stamps[heard - 1:]
+    assert {later - earlier for earlier, later in zip(after, after[1:])} == {TICK}  # nothing was made up for
+    assert robot.clock.rising and robot.odometry.rising
+
+
+def test_a_step_is_refused_while_time_runs(launch, probe):
+    robot = LockstepRobot(launch, probe, 'runs')
+    answer = robot.trigger('step')
+    assert not answer.success
+    assert answer.message.startswith('not paused: simulated time is running')
+
+
+@pytest.mark.parametrize(('duration', 'ticks'), [(0.01, [10]), (0.002, [2]), (0.054, [10, 20, 30, 40, 50, 54])])
+def test_a_step_takes_exactly_its_duration_with_all_outputs_of_it(held, duration, ticks):
+    assert held.set_parameter('step_duration', duration).successful
+    for _ in range(3):
+        began, heard = held.clock.stamps[-1], len(held.clock)
+        assert held.step() == began + round(duration * 1e9)
+        assert [stamp - began for stamp in held.clock.stamps[heard:]] == [tick * 1_000_000 for tick in ticks]
+        assert held.odometry.stamps[-len(ticks):] == held.clock.stamps[heard:] == held.wrench.stamps[-len(ticks):]
+
+
+def test_a_long_step_loses_no_message_of_any_topic(held):
+    assert held.set_parameter('step_duration', 20.0).successful
+    heard = len(held.clock)
+    began, end = held.clock.stamps[-1], held.step()
+    expected = [began + tick * TICK for tick in range(1, 2001)]
+    assert end == expected[-1]
+    assert held.clock.stamps[heard:] == expected
+    assert held.odometry.stamps[-2000:] == held.wrench.stamps[-2000:] == expected
+
+
+def test_a_step_of_no_whole_number_of_time_steps_is_refused(held):
+    assert held.set_parameter('step_duration', 0.005).successful
+    answer = held.trigger('step')
+    assert not answer.success
+    assert answer.message == ('step_duration is 0.005 s, but must be a whole number of time steps, and '
+                              'solver.time_step is 0.002 s')
+    refused = held.set_parameter('step_duration', -1.0)
+    assert not refused.successful and 'step_duration' in refused.reason
+
+
+def test_in_lockstep_it_is_the_library_bit_for_bit(held):
+    assert held.set_parameter('step_duration', 0.05).successful
+    runs = []
+    for _ in range(2):
+        assert held.trigger('reset').success
+        twin, run = Simulator(Parameters()), []
+        for values in (SWIM, None, TURN, None, None):
+            if values is not None:
+                held.command(values)
+                twin.command(left=FinCommand(*values[::2]), right=FinCommand(*values[1::2]))
+            held.step()
+            run.append(numbers(held.odometry[-1], held.wrench[-1]))
+            assert run[-1] == library_numbers(twin.advance(0.05))
+            position = held.odometry[-1].pose.pose.position
+            assert [position.x, position.y, position.z] == twin.state.position.tolist()
+        assert any(run[-1])
+        runs.append(run)
+    assert runs[0] == runs[1]
+
+
+def test_a_reset_goes_back_to_the_start_and_the_clock_goes_on(held):
+    assert held.set_parameter('step_duration', 1.0).successful
+    held.command(SWIM)
+    now = held.step()
+    assert held.odometry[-1].pose.pose.position.x > 0.01
+    heard = len(held.odometry)
+    answer = held.trigger('reset')
+    assert answer.success and answer.message.startswith('at rest where it started')
+    held.probe.until(lambda: len(held.odometry) > heard, 'the state after the reset')
+    assert held.odometry.stamps[-1] == now
+    for _ in range(2):
+        pose, twist = held.odometry[-1].pose.pose, held.odometry[-1].twist.twist
+        assert (pose.position.x, pose.position.y, pose.position.z, pose.orientation.w) == (0.0, 0.0, 0.0, 1.0)
+        assert (twist.linear.x, twist.linear.z) == (0.0, 0.0)
+        now = held.step()  # nobody commands it any more
+    assert now >= held.clock.stamps[0] + 3_000_000_000
+
+
+def test_commands_that_were_sent_before_a_reset_are_dropped(held):
+    held.command(TURN)  # so that what comes is heard
+    assert held.set_parameter('step_duration', 30.0).successful  # busy for a while: what is sent now waits
+    stepping = held.ask('step')
+    heard = len(held.clock)
+    held.probe.until(lambda: len(held.clock) > heard, 'the long step')
+    for _ in range(8):
+        held.commands.publish(Float64MultiArray(data=SWIM))
+    assert held.trigger('reset').success
+    held.probe.until(stepping.done, 'the long step')
+    assert held.set_parameter('step_duration', 0.1).successful
+    held.probe.listen(0.3)
+    held.step()
+    assert not any(numbers(held.odometry[-1], held.wrench[-1]))
+
+
+def test_it_starts_at_its_initial_pose_and_goes_back_there(launch, probe):
+    robot = LockstepRobot(launch, probe, 'elsewhere', '-p start_paused:=true -p step_duration:=1.0 '
+                 '-p initial_position:=[3.0,-2.0,-1.5] -p initial_yaw:=1.5')
+    turned = [0.0, 0.0, math.sin(0.75), math.cos(0.75)]
+    twin = Simulator(Parameters(), state=dataclasses.replace(
+        State.at_rest(Parameters()), position=np.array([3.0, -2.0, -1.5]), orientation=np.array(turned)))
+    assert robot.trigger('reset').success
+    twin.command(left=FinCommand(*SWIM[::2]), right=FinCommand(*SWIM[1::2]))
+    robot.command(SWIM)
+    robot.step()
+    pose, state = robot.odometry[-1].pose.pose, twin.advance(1.0)
+    assert [pose.position.x, pose.position.y, pose.position.z] == state.position.tolist()
+    assert numbers(robot.odometry[-1], robot.wrench[-1]) == library_numbers(state)
+    assert pose.position.y > -2.0 + 0.01  # it swims where it heads
+    heard = len(robot.odometry)
+    assert robot.trigger('reset').success
+    probe.until(lambda: len(robot.odometry) > heard, 'the state after the reset')
+    pose = robot.odometry[-1].pose.pose
+    assert [pose.position.x, pose.position.y, pose.position.z] == [3.0, -2.0, -1.5]
+    assert [pose.orientation.x, pose.orientation.y, pose.orientation.z, pose.orientation.w] == turned
+
+
+def pose_message(frame='odom', position=(1.0, -2.0, -3.0), orientation=(0.0, 0.0, HALF, HALF)):
+    message = PoseStamped()
+    message.header.frame_id = frame
+    at, turned = message.pose.position, message.pose.orientation
+    at.x, at.y, at.z = position
+    turned.x, turned.y, turned.z, turned.w = orientation
+    return message
+
+
+def test_a_pose_that_is_set_is_where_it_rests_and_swims_on_from(held):
+    held.command(SWIM)
+    held.step()
+    held.poses.publish(pose_message(orientation=(0.0, 0.0, 0.707, 0.707)))  # as somebody types it
+    held.probe.until(lambda: held.odometry[-1].pose.pose.position.z == -3.0, 'the new pose')
+    held.step()
+    pose = held.odometry[-1].pose.pose
+    assert (pose.position.x, pose.position.y, pose.position.z) == (1.0, -2.0, -3.0)
+    assert pose.orientation.z == pytest.approx(math.sqrt(0.5), abs=1e-12)
+    assert not any(numbers(held.odometry[-1], held.wrench[-1]))  # at rest, and not commanded
+    held.command(SWIM)
+    assert held.set_parameter('step_duration', 2.0).successful
+    held.step()
+    position = held.odometry[-1].pose.pose.position
+    assert position.y > -1.9 and position.x == pytest.approx(1.0, abs=1e-9)  # forward is to the world's left now
+
+
+def test_settings_that_change_again_and_again_keep_diagnostics_and_time_going(launch, probe):
+    robot = LockstepRobot(launch, probe, 'busy')
+    diagnostics, heard = probe.record(DiagnosticArray, '/diagnostics'), len(robot.clock)
+    rates = itertools.cycle((5.0, 6.0))
+
+    def change():
+        assert robot.set_parameter('marker_rate', next(rates)).successful
+
+    def ours():
+        return [message for message in diagnostics if message.status[0].name.startswith('/busy/')]
+    probe.until(lambda: len(ours()) > 2 and len(robot.clock) > heard + 50, 'both', doing=change, every=0.0)
+
+
+REFUSED = {
+    'another frame': (pose_message(frame='map'), "header.frame_id is 'map', but must be 'odom'"),
+    'no frame': (pose_message(frame=''), "header.frame_id is '', but must be 'odom'"),
+    'nan': (pose_message(position=(0.0, math.nan, 0.0)), 'pose.position.y is nan, but must be from'),
+    'too far': (pose_message(position=(0.0, 0.0, -1e7)), 'pose.position.z is -10000000.0, but must be from'),
+    'no quaternion': (pose_message(orientation=(0.0, 0.0, 0.0, 0.0)), 'pose.orientation has norm 0, but must be'),
+    'nan in the quaternion': (pose_message(orientation=(0.0, 0.0, 0.0, math.nan)), 'pose.orientation has norm nan'),
+}
+
+
+@pytest.mark.parametrize(('message', 'words'), REFUSED.values(), ids=REFUSED)
+def test_a_bad_pose_is_refused_and_the_robot_stays(held, message, words):
+    before = numbers(held.odometry[-1], held.wrench[-1])
+    line = re.compile(
+        rf'set_pose refused, the robot stays where it is \(\d+ refused so far\): {re.escape(words)}')
+    held.probe.until(
+        lambda: line.search(held.node.output), line.pattern,
+        doing=lambda: held.poses.publish(message), every=0.3)
+    held.step()
+    assert numbers(held.odometry[-1], held.wrench[-1]) == before
+    assert held.odometry[-1].pose.pose.position.x == 0.0
+
+
+def test_without_commands_for_too_long_the_fins_glide_to_rest_until_the_next(held):
+    assert held.set_parameter('command_timeout', 1.0).successful
+    assert held.set_parameter('step_duration', 0.5).successful
+    held.command(SWIM)
+
+    def largest_force():
+        heard = len(held.wrench)
+        held.step()
+        return max(abs(message.wrench.force.z) for message in held.wrench[heard:])
+
+    warning = 'no fin_command for 1 s of simulated time: the fins glide to rest'
+    swimming = [largest_force() for _ in range(2)]
+    assert warning not in held.node.output
+    gliding = [largest_force() for _ in range(8)]
+    assert held.node.output.count(warning) == 1
+    assert max(swimming) > 5.0 and gliding[-1] < 0.05 * max(swimming)
+    held.command(SWIM)
+    assert max(largest_force() for _ in range(2)) > 5.0
+
+
+@pytest.mark.parametrize('ending', [signal.SIGINT, signal.SIGTERM])
+def test_paused_it_ends_with_status_zero(launch, probe, ending):
+    name = f'ended_by_{ending.name.lower()}'  # one of its own: the graph remembers those before for a while
+    node = launch('sim_node', f'-p start_paused:=true -r __ns:=/{name} -r /clock:=/{name}/clock')
+    probe.until(lambda: ('manta_sim', f'/{name}') in probe.node.get_node_names_and_namespaces(), 'the node')
+    node.send(ending)
+    assert node.exit_status() == 0

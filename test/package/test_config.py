@@ -1,0 +1,48 @@
+"""config/manta.yaml is the defaults of the code, written out: of the model and of the node."""
+
+import dataclasses
+from pathlib import Path
+
+import yaml
+
+from manta_sim_ros.dynamics import Parameters
+from manta_sim_ros.nodes.parameters import Settings
+
+CONFIG = Path(__file__).parents[2] / 'config' / 'manta.yaml'
+
+
+def test_the_file_is_read_as_the_defaults():
+    assert Parameters.from_yaml(CONFIG) == Parameters()
+
+
+def test_the_file_holds_every_name_and_default_and_no_other():
+    def written(value):
+        if isinstance(value, dict):
+            return {name: written(part) for name, part in value.items()}
+        return list(value) if isinstance(value, tuple) else value
+
+    content = yaml.safe_load(CONFIG.read_text(encoding='utf-8'))
+    assert list(content) == ['/**'] and list(content['/**']) == ['ros__parameters']
+    listed = content['/**']['ros__parameters']
+    settings = dataclasses.asdict(Settings())
+    desired = written({**settings.pop('model'), **settings.pop('node'), **settings})
+    assert listed == desired
+
+    def kinds(value):
+        if isinstance(value, dict):
+            return {name: kinds(part) for name, part in value.items()}
+        return [kinds(part) for part in value] if isinstance(value, list) else type(value)
+
+    assert kinds(listed) == kinds(desired)  # ROS 2 takes no whole number for one with a decimal point
+
+
+def test_the_freshwater_file_has_true_densities_and_added_mass():
+    freshwater = Parameters.from_yaml(CONFIG.parent / 'freshwater.yaml')
+    assert freshwater.water.density == freshwater.water.added_mass_density == freshwater.fin.density == 1000.0
+    assert freshwater.water.added_mass_coefficient > 0.0 and freshwater.solver.coupling == 'monolithic'
+    # all else is the defaults': no geometry and no stiffness was changed
+    changed = {
+        f'{group}.{name}' for group, values in dataclasses.asdict(freshwater).items() for name, value in values.items()
+        if value != getattr(getattr(Parameters(), group), name)}
+    assert changed == {
+        'water.density', 'water.added_mass_coefficient', 'fin.chains', 'fin.drag_coefficient', 'solver.coupling'}
