@@ -92,7 +92,7 @@ class ImuReading(NamedTuple):
     angular_velocity: np.ndarray
     """(3,) body frame [rad/s]."""
     specific_force: np.ndarray
-    """(3,) acceleration less gravity, body frame [m/s^2]: +g upwards at rest."""
+    """(3,) acceleration less gravity, body frame [m/s^2]: +g upward at rest."""
 
 
 def read_imu(imu: Imu, parameters: Parameters, state: State) -> ImuReading:

@@ -128,7 +128,7 @@ def figure_blocks(results: Results) -> list[str]:
             'Trajectories of the center of mass; the dot is the end. Left as in the paper, right '
             'with fewer chains.'),
         '### Figure 11: the wrench in the turns',
-        prose('Force and moment of both fins on the body about its centre of mass, in the body frame. The last row '
+        prose('Force and moment of both fins on the body about its center of mass, in the body frame. The last row '
                 'is the averaged M_z once more, enlarged: that of set 1 is larger at first and fades as the robot '
                 'turns, that of set 2 stays, until waves run along the chord.'),
         picture('paper/figure_11.png', 'Components of the wrench against time.'),

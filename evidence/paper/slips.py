@@ -24,10 +24,10 @@ SLIPS = (
          'end to the front one\'s', 'actuation.support_attitude'),
     Slip('(10)', 'V_0-dot lacks the rotation of V_l-dot into F_0 and the products of velocities',
          'the exact derivative of the components of V_0 in F_0: V_0-dot = R^T (V_b-dot + Omega_b-dot x P + Omega_b x '
-         'P-dot + P-dotdot) - Omega_0/b x V_0, P from the centre of mass to A', 'actuation.support_motion'),
+         'P-dot + P-dotdot) - Omega_0/b x V_0, P from the center of mass to A', 'actuation.support_motion'),
     Slip('(11)', 'the chordwise tangent is taken on one side',
-         'n = t x u normalised, t = [O_j(k-1) - O_j(k+1)] + [O_j+1(k-1) - O_j+1(k+1)], with the chain itself for the '
-         'neighbour that an edge chain lacks', 'fin.surface_slopes'),
+         'n = t x u normalized, t = [O_j(k-1) - O_j(k+1)] + [O_j+1(k-1) - O_j+1(k+1)], with the chain itself for the '
+         'neighbor that an edge chain lacks', 'fin.surface_slopes'),
     Slip('(12)', 'the square loses the sign of V.n', 'F = -1/2 rho C_D dl |V.n| (V.n) n, per unit chord, V relative to '
          'the water', 'fin.water_loads'),
     Slip('(13), (14)', 'the torque is not written out',
@@ -59,7 +59,7 @@ SLIPS = (
     Slip('Section 4', 'a time step of 0.01 s', '0.002 s: with these values 0.01 s is past the stability limit'),
     Slip('Table 1', 'rho = 9800 kg/m^3', 'kept as the effective density of the drag, in (12) and (34) only '
          '(`water.density`); the fin\'s own mass has 1000 kg/m^3 (`fin.density`)'),
-    Slip('Table 1', 'c_j in Nm/s', '0.1 N s: N m s/rad per metre of chord (`fin.joint_damping`)'),
+    Slip('Table 1', 'c_j in Nm/s', '0.1 N s: N m s/rad per meter of chord (`fin.joint_damping`)'),
     Slip('Table 1', 'C_M without a unit', 'N m s (`body.angular_damping`)'),
     Slip('Table 1', 'r_1, span, thickness and drag coefficient of the fin are not given', 'assumed, see below'),
 )

@@ -34,7 +34,7 @@ class ReferenceState:
 
     `time` [s]; `position` (3,) [m] and `orientation` (4,) xyzw of F_b in the world; `twist` (6,) [m/s, rad/s] and
     `acceleration` (6,), its derivative, in F_b; `joint_angles` (2, n, m) [rad] and `joint_rates` (2, n, m) [rad/s],
-    positive with the tip up; `fin_wrenches` (2, 6) [N, N m] in F_b about the centre of mass.
+    positive with the tip up; `fin_wrenches` (2, 6) [N, N m] in F_b about the center of mass.
     """
 
     time: float
@@ -292,8 +292,8 @@ def _nodes(parameters: Parameters, joint_angles: np.ndarray) -> np.ndarray:
 def link_normals(parameters: Parameters, joint_angles: np.ndarray) -> np.ndarray:
     """Return the unit normal n_j (n, m, 3) of each link, in F_0, of a fin with `joint_angles` (n, m) [rad], (11).
 
-    The chordwise tangent, towards the leading edge, is the sum of those at the link's root and tip: between the two
-    neighbouring chains inside the fin, between the chain and its only neighbour at the edges.
+    The chordwise tangent, toward the leading edge, is the sum of those at the link's root and tip: between the two
+    neighboring chains inside the fin, between the chain and its only neighbor at the edges.
     """
     nodes = _nodes(parameters, joint_angles)
     chains, links = joint_angles.shape
@@ -404,7 +404,7 @@ def fin_dynamics(
     `side` 0 left, 1 right; `rod_motion` (2, 3) as in `support_motion`, positive with the tip up; `joint_angles` and
     `joint_rates` (n, m) [rad, rad/s], leading edge and root first; `body_twist` and `body_acceleration` (6,) in F_b;
     `water_velocity` (3,) [m/s] of the water over the ground, in F_b. The wrench is that of the fin on the body, in F_b
-    about the centre of mass. Nothing that goes in or comes out is mirrored.
+    about the center of mass. Nothing that goes in or comes out is mirrored.
     """
     if side == RIGHT:
         joint_accelerations, wrench = fin_dynamics(
@@ -440,7 +440,7 @@ def body_acceleration(
 ) -> np.ndarray:
     """Return eta_b_dot (6,) [m/s^2, rad/s^2] in F_b, (34) to (37).
 
-    `orientation` (4,) xyzw, `twist` (6,) in F_b, `fin_wrench` (6,) the sum of both fins, in F_b about the centre of
+    `orientation` (4,) xyzw, `twist` (6,) in F_b, `fin_wrench` (6,) the sum of both fins, in F_b about the center of
     mass, as is `body_wrench`, from outside; `world_wrench` has world components. The drag (34) is that of the velocity
     relative to the water.
     """

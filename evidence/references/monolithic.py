@@ -71,7 +71,7 @@ def accelerations(
             joint_slopes[side, ..., axis] = joints_at_unit - joints[side]
             wrench_slopes[side, :, axis] = wrench_at_unit - wrenches[side]
 
-    # (36): each newton and newton metre of the fins adds its part
+    # (36): each newton and newton meter of the fins adds its part
     body = parameters.body
     per_wrench = np.diag(1.0 / np.hstack([np.full(3, body.mass), body.inertia]))
     held = body_acceleration(parameters, orientation, state.twist, wrenches.sum(axis=0))
@@ -99,7 +99,7 @@ def derivative(
 ) -> np.ndarray:
     """Return the time derivative of position, orientation, twist, joint angles and joint rates, one after the other.
 
-    The orientation's is half the product of the quaternion and (Omega, 0). Rotations are those of the normalised one.
+    The orientation's is half the product of the quaternion and (Omega, 0). Rotations are those of the normalized one.
     """
     state = _unpacked(parameters, time, vector)
     found = accelerations(parameters, state, rod_motion, fin_dynamics)
@@ -115,7 +115,7 @@ def derivative(
 def _completed(
     parameters: Parameters, time: float, vector: np.ndarray, rod_motion: RodMotion, fin_dynamics: FinDynamics | None,
 ) -> ReferenceState:
-    """Return the state of a vector, its quaternion normalised, with acceleration and wrenches at its time."""
+    """Return the state of a vector, its quaternion normalized, with acceleration and wrenches at its time."""
     state = _unpacked(parameters, time, vector)
     state = dataclasses.replace(state, orientation=state.orientation / np.linalg.norm(state.orientation))
     found = accelerations(parameters, state, rod_motion, fin_dynamics)

@@ -19,7 +19,7 @@ SLIMNESS = 1.0e-6  # a thin rod's inertia about itself, as a share of that acros
 def swimmer_model(parameters: Parameters, time_step: float) -> mujoco.MjModel:
     """The tree of `pinocchio_tree.swimmer_tree`, with springs, dampers and water: 6 + 2 n m degrees of freedom, RK4.
 
-    Free body at its centre of mass, then left and right fin on supports fixed where level rods hold them. Hinges have
+    Free body at its center of mass, then left and right fin on supports fixed where level rods hold them. Hinges have
     the model's stiffness, made linear, and its damping: EI ds/dl [N m/rad], c ds [N m s/rad]. `time_step` [s]. Water
     acts on the ellipsoid of each link (MuJoCo's other fluid model costs the same, but a thin rod's inertia box has no
     area for it to act on). No gravity, no contacts.

@@ -172,7 +172,7 @@ def fin_tree(parameters: Parameters, side: int = 0) -> pinocchio.Model:
 
 
 def swimmer_tree(parameters: Parameters) -> pinocchio.Model:
-    """The whole robot, 6 + 2 n m degrees of freedom: the body as free-flyer at its centre of mass, left fin, right fin.
+    """The whole robot, 6 + 2 n m degrees of freedom: the body as free-flyer at its center of mass, left fin, right fin.
 
     The supports are fixed to the body where rods at zero angle hold them. No gravity, no water.
     """
@@ -264,10 +264,10 @@ def fin_dynamics(parameters: Parameters, side: int, rod_motion: ArrayLike, joint
     `side` 0 left, 1 right; `rod_motion` (2, 3): rows front, rear, columns angle, rate, acceleration [rad, s];
     `joint_angles`, `joint_rates` (n, m) [rad, rad/s]; `body_twist`, `body_acceleration` (6,) in F_b, linear part
     first, the acceleration being the derivative of the twist's components (the spatial acceleration that Pinocchio
-    means for a free-flyer); `water_velocity` (3,) [m/s] over the ground, in F_b. The wrench is about the centre of
+    means for a free-flyer); `water_velocity` (3,) [m/s] over the ground, in F_b. The wrench is about the center of
     mass, in F_b. The base's motion is prescribed: the joint rows of the equations of motion give their accelerations,
     the base's rows then give what the support must exert. The added mass enters the joint rows as G^T m_a G, with G
-    the midpoints' speeds along their normals per generalised velocity, and the base's rows as the forces it makes.
+    the midpoints' speeds along their normals per generalized velocity, and the base's rows as the forces it makes.
     Pinocchio's workspace takes some 32 (6 + n m)^3 bytes: keep n m below 300.
     """
     fin, width = parameters.fin, parameters.rods.support_length / parameters.fin.chains

@@ -31,7 +31,7 @@ def _chain(links: int, **fin: float) -> Parameters:
 
 
 def _acceleration(parameters: Parameters, angles: NDArray, push: float) -> NDArray:
-    """Return the joint accelerations (m,) [rad/s^2] of a chain at rest whose root accelerates upwards [m/s^2]."""
+    """Return the joint accelerations (m,) [rad/s^2] of a chain at rest whose root accelerates upward [m/s^2]."""
     both = np.tile(angles, (2, 1))
     pushed = np.array([0.0, 0.0, push, 0.0, 0.0, 0.0])
     return fin_dynamics(parameters, 0, RODS_AT_REST, both, np.zeros_like(both), np.zeros(6), pushed)[0][0]
@@ -137,7 +137,7 @@ def natural_frequencies(quick: bool = False) -> Section:
           for mode, margin in enumerate((0.01, 0.02, 0.05))),
         *(Claim(f'order at which natural frequency {mode + 1} nears the beam', 'Euler and Bernoulli',
                 fitted_order(widths, np.abs(errors[at, mode])), (0.8, 1.2), 'derived: 1') for mode in range(3)),
-        Claim('first natural frequency of 6 links, vibration simulated', 'eigenvalue of the linearised chain', in_time,
+        Claim('first natural frequency of 6 links, vibration simulated', 'eigenvalue of the linearized chain', in_time,
               5e-7, 'amplitude 1e-3 rad, whose square is the detuning; measured, margin 3'),
     )
 
@@ -152,7 +152,7 @@ def natural_frequencies(quick: bool = False) -> Section:
 
     first = errors[LINKS.index(Parameters().fin.links), 0]
     return Section('Natural frequencies of a cantilever', f"""
-Out of the water and without damping, `fin_dynamics` is linearised about the straight chain by central differences; its
+Out of the water and without damping, `fin_dynamics` is linearized about the straight chain by central differences; its
 eigenvalues are set beside those of a cantilever, (beta l)^2 sqrt(EI / mu l^4) with cos(beta l) cosh(beta l) = -1. Half
 a link of extra flexibility at the root (see above) lowers every one by 1/m, from the first variation of Rayleigh's
 quotient: a cantilever's curvature at the root squared is four times its mean square in every mode. So the order is one,

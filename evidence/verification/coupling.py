@@ -37,17 +37,17 @@ def errors_of_the_step(quick: bool = False) -> Section:
     duration, size = 1.6, (8, 3)
     steps = STEPS[:2] if quick else STEPS
     errors: dict[str, dict[str, list[float]]] = {coupling: {} for coupling in COUPLINGS}
-    travelled = {}
+    traveled = {}
     for name, gaits in GAITS.items():
         def pose(coupling: str, step: float, gaits: tuple[FinCommand, FinCommand] = gaits) -> NDArray:
             parameters = without_smoothing(sized(*size, solver={'coupling': coupling, 'time_step': step}))
             return _pose_after(parameters, gaits, duration)
 
         exact = pose(MONOLITHIC, STEPS[-1] / 2.0)
-        travelled[name] = float(np.linalg.norm(exact[:3]))
+        traveled[name] = float(np.linalg.norm(exact[:3]))
         for coupling in COUPLINGS:
             errors[coupling][name] = [
-                float(np.linalg.norm((pose(coupling, step) - exact)[:3])) / travelled[name] for step in steps]
+                float(np.linalg.norm((pose(coupling, step) - exact)[:3])) / traveled[name] for step in steps]
     claims = []
     for coupling, tolerances in ((SEQUENTIAL, (5e-3, 5e-3, 8e-3)), (MONOLITHIC, (2e-5, 1.5e-4, 6e-5))):
         for tolerance, (name, of_step) in zip(tolerances, errors[coupling].items(), strict=True):
@@ -108,7 +108,7 @@ def trajectory(quick: bool = False) -> Section:
     claims = (
         Claim(f'whole state after {duration} s of a turn, monolithic with added mass, step 2 ms',
               'literal equations, DOP853 at 1e-11', worst[0], 4e-5, 'fourth order; measured, margin 3'),
-        Claim('order towards DOP853, monolithic with added mass', 'literal equations, DOP853 at 1e-11',
+        Claim('order toward DOP853, monolithic with added mass', 'literal equations, DOP853 at 1e-11',
               fitted_order(steps[:2], worst[:2]), (3.5, 4.5), 'derived: 4'),
     )
 

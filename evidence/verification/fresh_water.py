@@ -82,7 +82,7 @@ def mean_thrust(parameters: Parameters, case: tuple[float, float, float], period
 def cruise(parameters: Parameters, case: tuple[float, float, float]) -> tuple[float, float]:
     """Return mean speed [m/s] of `PERIODS` periods of cruise, and the ripple of the fins from chain to chain.
 
-    The ripple is the mean difference of the joint rates of neighbours over the mean joint rate: 1.4 for a wave of four
+    The ripple is the mean difference of the joint rates of neighbors over the mean joint rate: 1.4 for a wave of four
     chains; a smooth surface of n chains has some 3 / n.
     """
     simulator, period = Simulator(parameters), _steps(parameters, 1.0 / case[1])

@@ -173,7 +173,7 @@ A robot that turns (A 40 and 20 degrees) in a uniform current of {rounded(float(
 along from the start, must do what it does in still water, seen from a frame that moves with the water. Compared are
 position, velocity in the world and all joint angles over 2 s, each over its own range. The body's axes turn meanwhile,
 so every product of velocities in the body's and the fins' equations takes part. A current that varies in space or time
-is not modelled and not shown.
+is not modeled and not shown.
 """, claims, draw, 'Largest difference to the motion in still water.')
 
 

@@ -50,7 +50,7 @@ class History(NamedTuple):
 class FinMotion(NamedTuple):
     """Points of one fin's links: positions [m] and inertial velocities [m/s], (n, T, m, points, 3), components in F_b.
 
-    `relative_twist` (T, 6) is that of the support against the body, about the body's centre of mass.
+    `relative_twist` (T, 6) is that of the support against the body, about the body's center of mass.
     """
 
     positions: NDArray
@@ -193,7 +193,7 @@ def momentum(parameters: Parameters, history: History) -> NDArray:
     """Return (T, 6): linear [N s] and angular [N m s] momentum of the robot, about the world's origin."""
     body, rotations = parameters.body, to_world(history)
     linear = body.mass * history.twist[:, :3]
-    angular = np.array(body.inertia) * history.twist[:, 3:]  # about the centre of mass
+    angular = np.array(body.inertia) * history.twist[:, 3:]  # about the center of mass
     for side in range(2):
         points = fin_motion(parameters, history, side, GAUSS_POINTS)
         linear = linear + _point_mass(parameters) * np.sum(points.velocities, axis=(0, 2, 3))

@@ -66,7 +66,7 @@ def one_fin(quick: bool = False) -> Section:
         axes.legend()
 
     return Section('One fin, three implementations', f"""
-`fin_dynamics` is one closed, vectorised recursion. `test/equations.py` is the paper line by line: 6 x 6 matrices,
+`fin_dynamics` is one closed, vectorized recursion. `test/equations.py` is the paper line by line: 6 x 6 matrices,
 one chain at a time, M q-ddot = Q solved whole. `test/pinocchio_tree.py` takes nothing from the paper but the
 mechanism's geometry, the springs and the water's forces: Pinocchio does the multibody dynamics, with the right fin
 built as it stands instead of mirrored. {len(seeds) * len(unknowns) * 2} random states of each kind, bent and moving
@@ -122,8 +122,8 @@ PENDULUM_PULL, PENDULUM_SWING = 5.0, math.radians(60.0)  # [m/s^2], [rad]
 def _pendulum_period(time_step: float) -> tuple[float, float]:
     """Return measured and exact period [s] of one stiff-free link, hanging from a support that accelerates steadily.
 
-    At each step the state is handed back with the body's velocity zero and the same acceleration upwards: a link in no
-    water feels the acceleration of its support alone, which acts as gravity downwards.
+    At each step the state is handed back with the body's velocity zero and the same acceleration upward: a link in no
+    water feels the acceleration of its support alone, which acts as gravity downward.
     """
     parameters = without_smoothing(Parameters().replace(
         water={'density': 0.0}, fin={'chains': 2, 'links': 1, 'youngs_modulus': 0.0, 'joint_damping': 0.0},
@@ -168,7 +168,7 @@ def pendulum(quick: bool = False) -> Section:
         axes.set_ylabel('error of the period, relative')
 
     return Section('A rigid pendulum', f"""
-One link a chain, no stiffness, no damping, no water, on a support that accelerates upwards with
+One link a chain, no stiffness, no damping, no water, on a support that accelerates upward with
 {rounded(PENDULUM_PULL)} m/s^2: a rod hung at its end. Let go at {rounded(math.degrees(PENDULUM_SWING))} degrees, its
 period is 4 sqrt(2 l / 3 a) K(sin(theta/2)) = {rounded(exact, 4)} s. The link's inertia about its hinge, the load from
 an accelerated support and large angles take part, through the whole `Simulator`.

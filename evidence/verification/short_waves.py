@@ -53,7 +53,7 @@ def _slope_matrix(chains: int, spacing: float) -> NDArray:
 
 
 def fastest_wave(parameters: Parameters, along: float = ALONG) -> Wave:
-    """Return the fastest growing solution of q'' + (c/I + d) q' + (k/I) q - d V dq/dx = 0, (11) and (12) linearised."""
+    """Return the fastest growing solution of q'' + (c/I + d) q' + (k/I) q - d V dq/dx = 0, (11) and (12) linearized."""
     fin, water, chains = parameters.fin, parameters.water, parameters.fin.chains
     inertia = fin.density * fin.thickness * fin.span**3 / 3.0
     stiffness = fin.youngs_modulus * fin.thickness**3 / 12.0 / fin.span
@@ -116,7 +116,7 @@ def short_waves(quick: bool = False) -> Section:
     smooth, rough = (runs['forward, A 40, 0.6 Hz', number][1][-20:].max() for number in (30, 60))
     reference = 'no wave: a smooth surface has second differences of 1/n^2'
     claims = (
-        Claim(f'growth rates of chordwise waves, {min(growth)} to {finest} chains', '(11), (12) linearised by hand',
+        Claim(f'growth rates of chordwise waves, {min(growth)} to {finest} chains', '(11), (12) linearized by hand',
               worst, 1e-3, 'over the modulus of the rate; that the fin is bent is left out; measured, margin 3'),
         Claim(f'growth rate with half the step, {finest} chains', 'the same with the whole step',
               abs(halved / growth[finest] - 1.0), 1e-7, "fourth order: the wave is the model's, not the integrator's"),

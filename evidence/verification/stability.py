@@ -161,7 +161,7 @@ def check_largest_stable_step(quick: bool = False) -> Section:
             Claim('largest diverging step over the estimate', reference, float(ratios.max()), BAND, reason),
             Claim('share of random robots of 3 to 5 links that are sound at the estimate',
                   f'simulations of {DURATION:g} s', share, (0.9, 1.0),
-                  'measured; the linearised chain does not know every motion'),
+                  'measured; the linearized chain does not know every motion'),
         ),
         draw=lambda figure: _draw(figure, within, beyond),
         caption='Steps at which simulations diverge, against the estimate; shaded: one to one and a half times the '

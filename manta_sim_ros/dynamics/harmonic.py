@@ -1,6 +1,6 @@
 """How fast a gait moves the links through the water, by harmonic balance, without simulating it.
 
-The first harmonic of fins and body, linearised about straight chains and rods at 0; drag (12) is the linear damping of
+The first harmonic of fins and body, linearized about straight chains and rods at 0; drag (12) is the linear damping of
 the same work over a cycle, its amplitude found by iteration.
 
 Letters: M, C, K per unit chord; J from joint rates to the normal velocities of link midpoints; B from the body's twist

@@ -51,7 +51,7 @@ def fin_loads(
     middles = 0.5 * (nodes[..., 1:, :] + nodes[..., :-1, :])
 
     spanwise = np.diff(nodes.real, axis=-2)
-    chordwise = -np.gradient(middles.real, axis=1)  # towards the leading edge; one-sided at the edges
+    chordwise = -np.gradient(middles.real, axis=1)  # toward the leading edge; one-sided at the edges
     normals = np.cross(chordwise, spanwise)
     normals[1] *= -1.0  # a vector product changes its sign in the mirror
     normals /= np.linalg.norm(normals, axis=-1, keepdims=True)

@@ -152,7 +152,7 @@ class Simulator:
 
         Disturbances hold for `duration`: `current` (3,) is the mean velocity of the water [m/s], world frame, in place
         of `water.current`; `body_wrench` and `world_wrench` (6,) are forces [N] and moments [N m] on the body about its
-        centre of mass, components in the body frame and in the world frame. A body that is held still feels no wrench.
+        center of mass, components in the body frame and in the world frame. A body that is held still feels no wrench.
 
         Raises
         ------
@@ -261,7 +261,7 @@ def fin_dynamics(
     Returns
     -------
     tuple
-        Joint accelerations (n, m) [rad/s^2], and the wrench (6,) [N, N m] of the fin on the body about the centre of
+        Joint accelerations (n, m) [rad/s^2], and the wrench (6,) [N, N m] of the fin on the body about the center of
         mass, in F_b.
 
     Raises

@@ -1,6 +1,6 @@
-"""The largest stable time step of a gait, estimated from the linearised equations, without simulating it.
+"""The largest stable time step of a gait, estimated from the linearized equations, without simulating it.
 
-Chains are linearised about straight, M q-ddot + C q-dot + K q = 0, with the slope of the drag (12) at the speeds that
+Chains are linearized about straight, M q-ddot + C q-dot + K q = 0, with the slope of the drag (12) at the speeds that
 the gait gives the links (harmonic.py, letters too), and tried in a step of the scheme: classical Runge-Kutta, and with
 a free body the coupling.
 """

@@ -37,7 +37,7 @@ UNIT_TOLERANCE = 1e-6
 class State:
     """State of the robot at one time. Arrays are read-only; fin index 0 is left, 1 right. SI units, radians.
 
-    Components are in the body frame (x forward, y left, z up, origin at the centre of mass) unless said otherwise.
+    Components are in the body frame (x forward, y left, z up, origin at the center of mass) unless said otherwise.
 
     Raises
     ------
@@ -49,7 +49,7 @@ class State:
     time: float
     """Simulated time [s]."""
     position: np.ndarray
-    """(3,) of the centre of mass, world frame [m]."""
+    """(3,) of the center of mass, world frame [m]."""
     orientation: np.ndarray
     """(4,) unit quaternion x, y, z, w: body to world components."""
     twist: np.ndarray
@@ -64,7 +64,7 @@ class State:
     rod_angles: np.ndarray
     """(2, 2) [fin, front or rear] [rad]."""
     fin_wrenches: np.ndarray
-    """(2, 6) force [N] and moment [N m] of each fin on the body about its centre of mass, at the step's end."""
+    """(2, 6) force [N] and moment [N m] of each fin on the body about its center of mass, at the step's end."""
     gait: np.ndarray
     """(2, 5) smoothed amplitude [rad], frequency [Hz], phase, front bias and rear bias [rad] of each fin."""
     gait_rates: np.ndarray

@@ -32,7 +32,7 @@ class Animation:
     samples: int
     """Frames a period."""
     azimuth: float
-    """Where the fixed camera is, seen from the middle of the way, from the world's x towards y [degrees]."""
+    """Where the fixed camera is, seen from the middle of the way, from the world's x toward y [degrees]."""
     zoom: float
     """Size of the fixed view, as matplotlib has it."""
 
@@ -62,13 +62,13 @@ DEPTH, SPACING, SIGHT = 0.4, 0.25, 0.95
 
 
 def palette(scene: Scene) -> bytes:
-    """Return red, green, blue of each colour of a GIF: the robot's, the scale's, greys, and the path's up to white."""
+    """Return red, green, blue of each color of a GIF: the robot's, the scale's, grays, and the path's up to white."""
     import matplotlib as mpl
 
     scale = mpl.colormaps[COLOR_MAP].resampled(HUES)(np.arange(HUES))[:, :3]
-    greys = np.repeat(np.linspace(0.0, 1.0, 26)[:, None], 3, axis=1)
+    grays = np.repeat(np.linspace(0.0, 1.0, 26)[:, None], 3, axis=1)
     path = 1.0 - np.linspace(0.2, 1.0, 5)[:, None] * (1.0 - np.array(mpl.colors.to_rgb(PATH_COLOR)))
-    colors = np.concatenate([scale, greys, path, scene.colors.reshape(-1, 3)])
+    colors = np.concatenate([scale, grays, path, scene.colors.reshape(-1, 3)])
     return np.unique(np.round(255.0 * colors), axis=0).astype(np.uint8).tobytes()
 
 
@@ -138,7 +138,7 @@ def stage(figure: Figure, animation: Animation, scene: Scene) -> tuple[View, Vie
     figure.colorbar(colors, cax=figure.add_axes((0.56, 0.89, 0.16, 0.024)), orientation='horizontal')
     figure.text(0.74, 0.88, 'height of the fins, body frame [m]', fontsize=9.0)
     figure.text(0.03, 0.945, animation.title, fontsize=11.0)
-    figure.text(0.03, 0.88, 'path of the centre of mass', color=PATH_COLOR, fontsize=9.0)
+    figure.text(0.03, 0.88, 'path of the center of mass', color=PATH_COLOR, fontsize=9.0)
     return View(fixed, low[2]), View(following, -DEPTH)
 
 

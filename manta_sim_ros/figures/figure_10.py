@@ -19,7 +19,7 @@ LINES = {'set 1': ('-', '#0072b2'), 'set 2': ('--', '#d55e00')}
 
 @dataclasses.dataclass(frozen=True)
 class Figure10:
-    """Where the centre of mass goes."""
+    """Where the center of mass goes."""
 
     height = 6.6
 

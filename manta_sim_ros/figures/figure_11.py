@@ -21,7 +21,7 @@ COMPONENTS = (('F_x', 'N'), ('F_y', 'N'), ('F_z', 'N'), ('M_x', 'N m'), ('M_y', 
 
 @dataclasses.dataclass(frozen=True)
 class Figure11:
-    """Force and moment about the centre of mass, in F_b."""
+    """Force and moment about the center of mass, in F_b."""
 
     height = 9.6
 

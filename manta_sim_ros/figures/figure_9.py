@@ -38,7 +38,7 @@ class Swim:
     time: np.ndarray
     """(T,) [s]."""
     speed: np.ndarray
-    """(T,) forward velocity of the centre of mass, F_b [m/s]."""
+    """(T,) forward velocity of the center of mass, F_b [m/s]."""
     samples: int
     """Samples a period."""
     attack: np.ndarray
@@ -131,5 +131,5 @@ class Figure9:
         axes.set_xlim(0.0, SHOWN)
         axes.set_xlabel('time [s]')
         axes.set_ylabel('forward speed [m/s]')
-        axes.set_title(f'f = {FREQUENCY:g} Hz, φ = {PHASE:.0f}°; grey: the window of mean and ripple', fontsize=9)
+        axes.set_title(f'f = {FREQUENCY:g} Hz, φ = {PHASE:.0f}°; gray: the window of mean and ripple', fontsize=9)
         legend_below(figure, axes.get_legend_handles_labels()[0], columns=2)

@@ -38,7 +38,7 @@ class Record:
     twist: np.ndarray
     """(T, 6) F_b [m/s, rad/s]."""
     fin_wrenches: np.ndarray
-    """(T, 2, 6) [fin], F_b, about the centre of mass [N, N m]."""
+    """(T, 2, 6) [fin], F_b, about the center of mass [N, N m]."""
     rod_angles: np.ndarray
     """(T, 2, 2) [fin, front or rear] [rad]."""
     joint_angles: np.ndarray
@@ -46,7 +46,7 @@ class Record:
 
     @property
     def wrench(self) -> np.ndarray:
-        """(T, 6) of both fins on the body, F_b, about the centre of mass [N, N m]."""
+        """(T, 6) of both fins on the body, F_b, about the center of mass [N, N m]."""
         return self.fin_wrenches[:, 0] + self.fin_wrenches[:, 1]
 
     @property

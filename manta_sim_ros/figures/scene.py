@@ -1,4 +1,4 @@
-"""The robot as faces in space with their colours: body, rods, supports and fins at every time of a record."""
+"""The robot as faces in space with their colors: body, rods, supports and fins at every time of a record."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ COLOR_MAP, HUES = 'viridis', 20
 SHADES = np.linspace(0.6, 1.05, 8)
 """Brightness of a face, from edge-on to the light to square to it."""
 LIGHT = np.array([0.33, 0.24, 0.91])
-"""Unit vector towards the light, world frame."""
+"""Unit vector toward the light, world frame."""
 
 
 def in_world(swum: Record, points: np.ndarray) -> np.ndarray:
@@ -31,7 +31,7 @@ def in_world(swum: Record, points: np.ndarray) -> np.ndarray:
 
 
 def faces_of(grid: np.ndarray) -> np.ndarray:
-    """Return the quadrilaterals (..., a - 1, b - 1, 4, 3) between neighbours of a grid of points (..., a, b, 3)."""
+    """Return the quadrilaterals (..., a - 1, b - 1, 4, 3) between neighbors of a grid of points (..., a, b, 3)."""
     return np.stack(
         [grid[..., :-1, :-1, :], grid[..., 1:, :-1, :], grid[..., 1:, 1:, :], grid[..., :-1, 1:, :]], axis=-2)
 
@@ -46,7 +46,7 @@ def fins(parameters: Parameters, nodes: np.ndarray) -> np.ndarray:
     """Return the faces (T, 2, n + 1, 4 + m, 4, 3) [m] of both fins with the panels that the rods sweep, in F_b.
 
     `nodes` (T, 2, n, m + 1, 3) [m], in F_b. Front to rear, the first and last faces are the edges, half a chain's
-    distance wide; outwards, three are of the panel, then follow the support and the links.
+    distance wide; outward, three are of the panel, then follow the support and the links.
     """
     half = 0.5 * (nodes[:, :, :1, :1] - nodes[:, :, -1:, :1]) / (nodes.shape[2] - 1)
     chains = np.concatenate([nodes[:, :, :1] + half, nodes, nodes[:, :, -1:] - half], axis=2)
@@ -58,7 +58,7 @@ def fins(parameters: Parameters, nodes: np.ndarray) -> np.ndarray:
 
 
 def lit(faces: np.ndarray, colors: np.ndarray) -> np.ndarray:
-    """Return the colours (..., 3) of faces (..., 4, 3), in the world, as the light shows both their sides."""
+    """Return the colors (..., 3) of faces (..., 4, 3), in the world, as the light shows both their sides."""
     normals = np.cross(faces[..., 2, :] - faces[..., 0, :], faces[..., 3, :] - faces[..., 1, :])
     normals /= np.linalg.norm(normals, axis=-1, keepdims=True)
     shades = SHADES[np.round(np.abs(normals @ LIGHT) * (len(SHADES) - 1)).astype(int)]
@@ -75,7 +75,7 @@ class Scene:
     colors: np.ndarray
     """(T, F, 3) red, green, blue."""
     height: float
-    """Largest height of a fin, in F_b [m]: the end of the colour scale."""
+    """Largest height of a fin, in F_b [m]: the end of the color scale."""
 
     @classmethod
     def of(cls, swum: Record) -> Scene:

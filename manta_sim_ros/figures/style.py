@@ -1,4 +1,4 @@
-"""One style for every plot of the project: units on axes, legible in print, apart for colour-blind readers."""
+"""One style for every plot of the project: units on axes, legible in print, apart for color-blind readers."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ STYLE: dict[Any, Any] = {
     'axes.spines.right': False,
     'axes.prop_cycle': "cycler('color', ['0072b2', 'd55e00', '009e73', 'cc79a7', 'e69f00', '444444'])",
 }
-"""Colours of Okabe and Ito."""
+"""Colors of Okabe and Ito."""
 LEGEND_MARGIN = 0.02  # of the figure's height
 MARKERS = 'os^DvP'
 

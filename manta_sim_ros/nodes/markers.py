@@ -1,4 +1,4 @@
-"""The robot for the eye, as RViz draws it: body, fins coloured by their load, wrenches of the fins, path."""
+"""The robot for the eye, as RViz draws it: body, fins colored by their load, wrenches of the fins, path."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ LIFETIME = 2
 """How long a marker stays when no message follows [s], on the clock of who draws it."""
 
 FULL_LOAD = 300.0
-"""Load at the ends of the colour scale [Pa]: the gait 0.7 rad, 0.6 Hz, 0.7 rad exceeds it on 2 % of its links."""
+"""Load at the ends of the color scale [Pa]: the gait 0.7 rad, 0.6 Hz, 0.7 rad exceeds it on 2 % of its links."""
 LOAD_COLORS = (
     '364B9A', '4A7BB7', '6EA6CD', '98CAE1', 'C2E4EF', 'EAECCC', 'FEDA8B', 'FDB366', 'F67E4B', 'DD3D2D', 'A50026',
 )
 """From water that pushes down, blue, by none to water that pushes up, red: the diverging scheme 'sunset', for all kinds
-of colour vision and made to be interpolated. P. Tol, Colour Schemes, SRON/EPS/TN/09-002."""
+of color vision and made to be interpolated. P. Tol, Color Schemes, SRON/EPS/TN/09-002."""
 LEVELS = 101
-"""Colours that the scale is divided into, an odd number so that one is of no load."""
+"""Colors that the scale is divided into, an odd number so that one is of no load."""
 
 BODY_COLOR, PANEL_COLOR, PATH_COLOR = '475C73', 'A8B5C2', 'BBBBBB'
 FORCE_COLOR, MOMENT_COLOR = '009988', 'EE3377'
@@ -80,7 +80,7 @@ class Markers:
     ) -> MarkerArray:
         """Return all markers of a state, and add its position to the path.
 
-        Arrows are of the wrenches as published, the moment about the centre of mass; they begin in the middle of each
+        Arrows are of the wrenches as published, the moment about the center of mass; they begin in the middle of each
         fin's support.
 
         Parameters
@@ -140,9 +140,9 @@ def _triangles(ns: str, number: int, header: Header, color: str, corners: list[P
 
 
 def _fin(ns: str, header: Header, side: int, nodes: np.ndarray, loads: np.ndarray) -> Marker:
-    """Return the links of one fin, each as wide as to its neighbours, in the colours of their loads.
+    """Return the links of one fin, each as wide as to its neighbors, in the colors of their loads.
 
-    `nodes` (n, m + 1, 3) [m], `loads` (n, m) [Pa]. Along a chain the colour changes at the joints; from chain to chain
+    `nodes` (n, m + 1, 3) [m], `loads` (n, m) [Pa]. Along a chain the color changes at the joints; from chain to chain
     it is interpolated.
     """
     corners, of_links = _corners(*nodes.shape[:2], flipped=side == 0)
@@ -186,7 +186,7 @@ def _color(digits: str) -> ColorRGBA:
 
 @functools.cache
 def _load_scale() -> list[ColorRGBA]:
-    """Return the colours of loads from -FULL_LOAD to FULL_LOAD in equal steps, made once: many vertices share each."""
+    """Return the colors of loads from -FULL_LOAD to FULL_LOAD in equal steps, made once: many vertices share each."""
     given = [_color(digits) for digits in LOAD_COLORS]
     at = np.linspace(0.0, len(given) - 1.0, LEVELS)
     red, green, blue = (

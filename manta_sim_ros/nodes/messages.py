@@ -128,7 +128,7 @@ def joint_names(parameters: Parameters, fins: bool) -> list[str]:
 
 
 def joint_state_message(state: State, parameters: Parameters, names: list[str], header: Header) -> JointState:
-    """Return angles [rad] and rates [rad/s] of the joints with these `joint_names`, positive upwards on both sides.
+    """Return angles [rad] and rates [rad/s] of the joints with these `joint_names`, positive upward on both sides.
 
     The supports' are those of F_0 about z and then y of the body frame; the right fin's are of its mirror image.
     """

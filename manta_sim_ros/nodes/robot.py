@@ -112,7 +112,7 @@ class Robot:
     ) -> None:
         """Let an external wrench (6,) [N, N m] act from now on for `body_wrench_lifetime`, in place of the last one.
 
-        On the body about its centre of mass, components in the body frame or in the world frame.
+        On the body about its center of mass, components in the body frame or in the world frame.
         """
         lifetime = self._settings.node.body_wrench_lifetime
         self._body_wrench, self._world_wrench = body_wrench, world_wrench

@@ -58,7 +58,7 @@ def literal_loads(parameters, state, side, water):
 
 
 def forces_of(parameters, side, rods, joint_angles, loads):
-    """Return force and moment (6,) on the body about the centre of mass, in F_b, of the loads (n, m) of one fin."""
+    """Return force and moment (6,) on the body about the center of mass, in F_b, of the loads (n, m) of one fin."""
     mirror = MIRROR if side == RIGHT else np.ones(6)
     rotation, position, _, _ = support_motion(parameters, rods, np.zeros(6), np.zeros(6))
     fin, length = parameters.fin, parameters.rods.support_length

@@ -74,7 +74,7 @@ def test_level_rods_and_straight_joints_make_a_level_fin_ahead_of_the_rear_motor
 def test_rods_and_joints_turned_up_by_a_right_angle_stand_on_end():
     parameters = sized(2, 2, rods={'front_radius': 0.2, 'rear_radius': 0.2, 'support_length': 0.3,
                                    'rear_motor_position': (-0.1, 0.3, 0.0)}, fin={'span': 0.4})
-    joint_angles = np.tile([np.pi / 2.0, -np.pi / 2.0], (2, 2, 1))  # up, then outwards again
+    joint_angles = np.tile([np.pi / 2.0, -np.pi / 2.0], (2, 2, 1))  # up, then outward again
     left, right = fin_surfaces(parameters, np.full((2, 2), np.pi / 2.0), joint_angles)
     expected = [[x, y, z] for x in (0.125, -0.025) for y, z in ((0.3, 0.2), (0.3, 0.4), (0.5, 0.4))]
     np.testing.assert_allclose(left.reshape(6, 3), expected, rtol=0.0, atol=ROUNDING)
@@ -86,8 +86,8 @@ def test_the_longer_front_rod_toes_the_support_out_and_the_higher_pitches_it_up(
     rods = parameters.rods
     level = fin_surfaces(parameters, np.zeros((2, 2)), joints)[0]
     toe = (rods.front_radius - rods.rear_radius) / rods.support_length
-    ahead, outwards = (level[0, 0] - level[-1, 0])[:2] / rods.support_length * 30 / 29
-    np.testing.assert_allclose([ahead, outwards], [np.sqrt(1.0 - toe**2), toe], rtol=1e-13)
+    ahead, outward = (level[0, 0] - level[-1, 0])[:2] / rods.support_length * 30 / 29
+    np.testing.assert_allclose([ahead, outward], [np.sqrt(1.0 - toe**2), toe], rtol=1e-13)
     np.testing.assert_allclose(level[..., 2], 0.0, atol=ROUNDING)
 
     raised = fin_surfaces(parameters, np.array([[0.3, 0.0], [0.3, 0.0]]), joints)[0]

@@ -82,7 +82,7 @@ def test_one_link_in_water_accelerates_as_computed_by_hand():
     fin, rods, angle, rate = parameters.fin, parameters.rods, 0.3, 2.0
     acceleration, wrench = fin_dynamics(parameters, 0, np.zeros((2, 3)), np.full((2, 1), angle), np.full((2, 1), rate),
                                         AT_REST, AT_REST)
-    length, mass = fin.span, fin.density * fin.thickness * fin.span  # per metre of chord, as the forces below
+    length, mass = fin.span, fin.density * fin.thickness * fin.span  # per meter of chord, as the forces below
     drag = 0.5 * parameters.water.density * fin.drag_coefficient * length * (rate * length / 2.0)**2
     joint = (-2.0 * bending_stiffness(parameters) * np.tan(angle / 2.0) / np.cos(angle / 2.0)**2
              - fin.joint_damping * rate)
@@ -193,9 +193,9 @@ def test_a_fin_has_its_freedoms_and_its_mass(side, chains, links):
     assert (model.nq, model.nv) == (7 + chains * links, 6 + chains * links)
     mass = parameters.fin.density * parameters.fin.thickness * parameters.fin.span * parameters.rods.support_length
     assert pinocchio.computeTotalMass(model) == pytest.approx(mass, rel=1e-12)
-    centre = pinocchio.centerOfMass(model, model.createData(), pinocchio.neutral(model))
+    center = pinocchio.centerOfMass(model, model.createData(), pinocchio.neutral(model))
     expected = [parameters.rods.support_length / 2.0, OUTWARD[side] * parameters.fin.span / 2.0, 0.0]
-    np.testing.assert_allclose(centre, expected, atol=1e-14)
+    np.testing.assert_allclose(center, expected, atol=1e-14)
 
 
 def test_the_swimmer_is_a_body_that_carries_both_fins():

@@ -85,7 +85,7 @@ def test_a_point_of_the_body_frame_goes_with_the_pose(turn):
     np.testing.assert_allclose(in_world(turn, tips)[-1], expected, rtol=0.0, atol=1e-14)
 
 
-def test_a_gif_holds_every_colour_of_the_robot(turn):
+def test_a_gif_holds_every_color_of_the_robot(turn):
     scene = Scene.of(turn)
     held = np.frombuffer(palette(scene), dtype=np.uint8).reshape(-1, 3)
     assert len(held) <= 256

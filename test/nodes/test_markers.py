@@ -1,4 +1,4 @@
-"""What RViz is told to draw: fins where they are, in the colours of their loads, and nothing that it complains of."""
+"""What RViz is told to draw: fins where they are, in the colors of their loads, and nothing that it complains of."""
 
 import dataclasses
 import itertools
@@ -87,7 +87,7 @@ def given_color(digits):
 
 
 def lightness(color):
-    """Return L* of CIE 1976 of an sRGB colour, 0 black to 100 white, that of equal steps to the eye."""
+    """Return L* of CIE 1976 of an sRGB color, 0 black to 100 white, that of equal steps to the eye."""
     linear = [part / 12.92 if part <= 0.04045 else ((part + 0.055) / 1.055) ** 2.4 for part in color[:3]]
     return 116.0 * np.dot((0.2126, 0.7152, 0.0722), linear) ** (1.0 / 3.0) - 16.0  # IEC 61966-2-1
 
@@ -97,7 +97,7 @@ def triples(values):
 
 
 def triangles_of(marker, nodes):
-    """Yield link, corners as (chain, node) and colours of each triangle of a fin with `nodes` (n, m + 1, 3)."""
+    """Yield link, corners as (chain, node) and colors of each triangle of a fin with `nodes` (n, m + 1, 3)."""
     index = {tuple(nodes[place]): place for place in np.ndindex(nodes.shape[:2])}
     for face, colors in zip(faces(marker), triples(map(rgba, marker.colors))):
         places = [index[tuple(corner)] for corner in face]
@@ -105,7 +105,7 @@ def triangles_of(marker, nodes):
 
 
 def colors_of(marker, nodes):
-    """Return {(chain, link): colour}, which must be the same wherever the chain's link is a corner."""
+    """Return {(chain, link): color}, which must be the same wherever the chain's link is a corner."""
     found = {}
     for link, places, colors in triangles_of(marker, nodes):
         for (chain, _), color in zip(places, colors):
@@ -114,7 +114,7 @@ def colors_of(marker, nodes):
 
 
 @pytest.mark.parametrize(('chains', 'links'), [(2, 1), (5, 2), (30, 3)])
-def test_between_neighbouring_chains_two_triangles_fill_each_link_from_node_to_node(chains, links):
+def test_between_neighboring_chains_two_triangles_fill_each_link_from_node_to_node(chains, links):
     parameters = sized(chains, links)
     state = moving(parameters)
     found = drawn(state, parameters)
@@ -174,8 +174,8 @@ def test_rviz_lights_fins_and_panels_from_above_and_the_body_from_outside():
     for name, number in itertools.product(FINS, (0, 1)):
         assert np.all(normals(faces(found[name, number]))[:, 2] > 0.0)
     body = faces(found['body', 0])
-    outwards = body.mean(axis=1) * [0.0, 1.0, 1.0]  # of an ellipse around the x axis
-    assert np.all(np.sum(normals(body) * outwards, axis=-1) > 0.0)
+    outward = body.mean(axis=1) * [0.0, 1.0, 1.0]  # of an ellipse around the x axis
+    assert np.all(np.sum(normals(body) * outward, axis=-1) > 0.0)
 
 
 def test_the_body_is_closed_and_as_large_as_its_sections():
@@ -191,7 +191,7 @@ def test_the_body_is_closed_and_as_large_as_its_sections():
 def test_each_link_has_the_color_of_its_load(monkeypatch):
     parameters = sized(11, 3)
     loads = np.empty((2, 11, 3))
-    loads[0] = FULL_LOAD * np.linspace(-1.0, 1.0, 11)[:, None]  # the colours given
+    loads[0] = FULL_LOAD * np.linspace(-1.0, 1.0, 11)[:, None]  # the colors given
     loads[1] = FULL_LOAD * np.random.default_rng(1).uniform(-1.0, 1.0, (11, 3))
     monkeypatch.setattr(markers, 'fin_loads', lambda *_: loads)
     state = State.at_rest(parameters)
@@ -202,7 +202,7 @@ def test_each_link_has_the_color_of_its_load(monkeypatch):
     for (chain, _), color in in_order.items():
         assert color == pytest.approx(given_color(LOAD_COLORS[chain]), rel=0.0, abs=1e-12)
     given = np.array([given_color(digits) for digits in LOAD_COLORS])
-    half_level = 0.5 * np.abs(np.diff(given, axis=0)).max() / 10.0  # 100 levels: ten from one colour to the next
+    half_level = 0.5 * np.abs(np.diff(given, axis=0)).max() / 10.0  # 100 levels: ten from one color to the next
     for place, color in at_random.items():
         expected = [np.interp(5.0 + 5.0 * loads[1][place] / FULL_LOAD, np.arange(11.0), part) for part in given.T]
         assert color == pytest.approx(expected, rel=0.0, abs=half_level + 1e-12)
@@ -217,7 +217,7 @@ def test_colors_follow_the_load_and_stay_at_the_ends_of_the_scale(monkeypatch):
     of_links = colors_of(drawn(state, parameters)['left_fin', 0], nodes[0])
     colors = [of_links[chain, 1] for chain in range(400)]
     runs = [(color, len(list(run))) for color, run in itertools.groupby(colors)]
-    assert len({color for color, _ in runs}) == len(runs) > 50  # no colour comes back
+    assert len({color for color, _ in runs}) == len(runs) > 50  # no color comes back
     for digits, (color, length) in ((LOAD_COLORS[0], runs[0]), (LOAD_COLORS[-1], runs[-1])):
         assert color == pytest.approx(given_color(digits))
         assert length > 400 / 6  # that many are beyond each end
@@ -235,7 +235,7 @@ def test_the_scale_is_darker_the_larger_the_load_and_as_dark_for_both_signs(monk
     assert lights.max() - lights.min() > 50.0
     np.testing.assert_allclose(lights, lights[::-1], rtol=0.0, atol=2.0)  # measured: below 1; an eye tells about 2
     up, down = of_links[100, 0], of_links[0, 0]
-    assert up[0] > 2.0 * up[2] and down[2] > 2.0 * down[0]  # red against blue, which all kinds of colour vision tell
+    assert up[0] > 2.0 * up[2] and down[2] > 2.0 * down[0]  # red against blue, which all kinds of color vision tell
 
 
 def test_colors_are_of_the_loads_in_the_current_that_is_given():

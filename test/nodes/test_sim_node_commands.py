@@ -125,7 +125,7 @@ def test_refusals_are_counted(swimmer, probe):
 
 def test_six_values_swim_forward_and_the_stronger_fin_turns_away(launch, probe):
     robot = Robot(launch, probe, 'turner', '-p real_time_factor:=5.0 -p publish_rate:=20.0')
-    robot.command_until(STRAIGHT, lambda: robot.latest().pose.pose.position.x > 0.5, 'half a metre forward')
+    robot.command_until(STRAIGHT, lambda: robot.latest().pose.pose.position.x > 0.5, 'half a meter forward')
     assert abs(heading(robot.latest())) < 1e-9
     robot.command_until([0.7, 0.35, *STRAIGHT[2:]], lambda: abs(heading(robot.latest())) > 0.3, 'a turn')
     rightmost = heading(robot.latest())

@@ -209,4 +209,4 @@ def test_one_bad_value_among_good_ones_changes_nothing(service, get_parameter):
 
 
 def test_an_unknown_parameter_cannot_be_set(set_parameter):
-    assert not set_parameter('fin.colour', 'red').successful
+    assert not set_parameter('fin.color', 'red').successful

@@ -31,7 +31,7 @@ def readings(read, sensor, of=None):
     return [read(sensor, PARAMETERS, dataclasses.replace(of, time=0.01 * tick)) for tick in range(READINGS)]
 
 
-def test_at_rest_the_specific_force_is_gravity_upwards():
+def test_at_rest_the_specific_force_is_gravity_upward():
     reading = read_imu(EXACT_IMU, PARAMETERS, state())
     np.testing.assert_array_equal(reading.specific_force, [0.0, 0.0, G])
     np.testing.assert_array_equal(reading.angular_velocity, 0.0)
