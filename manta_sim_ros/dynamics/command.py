@@ -1,4 +1,4 @@
-"""Gaits, (38): what a fin may be commanded."""
+"""The commands of the fins, and the checks that the rods can follow them, (38)."""
 
 from __future__ import annotations
 
@@ -10,20 +10,21 @@ import numpy as np
 from manta_sim_ros.dynamics._kernels.compilation import announced_compilation
 from manta_sim_ros.dynamics._kernels.gait import Gait, largest_rod_difference, largest_transition_difference
 from manta_sim_ros.dynamics.parameters import Rods
-from manta_sim_ros.dynamics.quantity import ParameterGroup, quantity
+from manta_sim_ros.dynamics.quantity import FloatArray, ParameterGroup, quantity
 
 SIDES = ('left', 'right')
 """Names of the fins, in the order of every array that has both."""
 
 HIGHEST_FREQUENCY = 5.0
-"""Bound of the flapping frequency [Hz]: eight times what the prototype reaches."""
+"""Bound of the flapping frequency [Hz]: eight times that of the prototype."""
 
 
 @dataclasses.dataclass(frozen=True)
 class FinCommand(ParameterGroup):
     """The gait of one fin: rear rod A sin(psi) + delta_2, front rod A_1 sin(psi + phi) + delta_1, (38).
 
-    Angles are positive with the fin's tip up, on both sides. phi > 0: the front rod leads, the thrust is forward.
+    Angles are positive with the tip of the fin up, on both sides. With phi > 0 the front rod leads, and the thrust is
+    forward.
 
     Raises
     ------
@@ -53,7 +54,7 @@ class FinCommand(ParameterGroup):
         description='bias delta_2 of the rear rod', source='(38)',
     )
 
-    def as_array(self) -> np.ndarray:
+    def as_array(self) -> FloatArray:
         """Return amplitude, frequency, phase, front bias, rear bias as an array (5,)."""
         return np.array(dataclasses.astuple(self))
 
@@ -63,9 +64,9 @@ REST = FinCommand(amplitude=0.0, frequency=0.0, phase=0.0)
 
 
 def closure_angle(rods: Rods) -> float:
-    """Return the difference of the rod angles [rad] at which the support is fully stretched, |AB| = L in the y-z plane.
+    """Return the difference of the rod angles [rad] at which the support lies in the y-z plane, where it cannot close.
 
-    From dy^2 + dz^2 = r_1^2 + r_2^2 - 2 r_1 r_2 cos(a_1 - a_2) = L^2; infinite when the rods cannot get so far apart.
+    From dy^2 + dz^2 = r_1^2 + r_2^2 - 2 r_1 r_2 cos(a_1 - a_2) = L^2; infinite if the rod ends are never so far apart.
     """
     front, rear = rods.front_radius, rods.rear_radius
     cosine = (front**2 + rear**2 - rods.support_length**2) / (2 * front * rear)
@@ -73,12 +74,12 @@ def closure_angle(rods: Rods) -> float:
 
 
 def check_gait(rods: Rods, side: int, command: FinCommand) -> None:
-    """Refuse a gait that the rods cannot follow somewhere in its cycle.
+    """Refuse a gait that the rods cannot follow at some time in its cycle.
 
     Raises
     ------
     ValueError
-        The front rod has no amplitude that reaches the rear rod's height, or the support does not close. Names the
+        No amplitude of the front rod reaches the height of the rear rod, or the support does not close. Names the
         value and the bound.
 
     """
@@ -98,8 +99,8 @@ def check_gait(rods: Rods, side: int, command: FinCommand) -> None:
         )
 
 
-def check_present_gait(rods: Rods, side: int, value: np.ndarray) -> None:
-    """Refuse a smoothed gait (5,), as a state has it, at which the support does not close.
+def check_present_gait(rods: Rods, side: int, value: FloatArray) -> None:
+    """Refuse a smoothed gait (5,) of a state if the support does not close in its cycle.
 
     Raises
     ------
@@ -116,26 +117,28 @@ def check_present_gait(rods: Rods, side: int, value: np.ndarray) -> None:
         )
 
 
-def check_transition(rods: Rods, side: int, value: np.ndarray, rate: np.ndarray, command: FinCommand) -> None:
-    """Refuse a command whose smoothed way from the present gait, `value` and `rate` (5,), breaks the closure.
+def check_transition(rods: Rods, side: int, value: FloatArray, rate: FloatArray, command: FinCommand) -> None:
+    """Refuse a command if the support does not close during the smoothed transition to it.
+
+    The transition starts from the present gait, `value` and `rate` (5,).
 
     Raises
     ------
     ValueError
-        Names the difference of the rod angles on the way, and the bound.
+        Names the largest difference of the rod angles during the transition, and the bound.
 
     """
     if rods.command_time_constant == 0.0:
         return
     ratio = rods.rear_radius / rods.front_radius
-    way = Gait(value.copy(), rate.copy(), command.as_array(), 0.0)  # Numba would compile again for read-only arrays
+    transition = Gait(value.copy(), rate.copy(), command.as_array(), 0.0)  # copies: Numba compiles for writable arrays
     with announced_compilation():
-        largest = largest_transition_difference(ratio, rods.command_time_constant, way, np.empty_like(way.value))
+        largest = largest_transition_difference(ratio, rods.command_time_constant, transition, np.empty(5))
     bound = closure_angle(rods)
     if not largest < bound:
         apart = f'{largest:.4g} rad' if math.isfinite(largest) else 'further than the front rod can follow'
         raise ValueError(
             f'{SIDES[side]} amplitude {command.amplitude:g} rad with phase {command.phase:g} rad cannot be reached '
-            f'from the present gait: on the way the rods come {apart} apart, but the support closes only below '
-            f'{bound:.4g} rad; go there by way of a small amplitude'
+            f'from the present gait: the rods come {apart} apart during the transition, but the support closes only '
+            f'below {bound:.4g} rad; command a small amplitude in between'
         )

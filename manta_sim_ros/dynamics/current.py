@@ -1,4 +1,4 @@
-"""The current's deviation from its mean: a first-order Gauss-Markov process, in intervals of simulated time."""
+"""The deviation of the current from its mean: a first-order Gauss-Markov process, in intervals of simulated time."""
 
 from __future__ import annotations
 
@@ -7,20 +7,22 @@ import math
 import numpy as np
 
 from manta_sim_ros.dynamics.parameters import Water
+from manta_sim_ros.dynamics.quantity import FloatArray
 
 INTERVAL = 0.01
-"""How long a deviation holds [s]: the shortest correlation time that is allowed."""
+"""Time for which a deviation is constant [s]: the shortest correlation time that is allowed."""
 
 ROUNDING = 1e-6
-"""How far a time may be from the end of an interval, in intervals, to be at it: the rounding of decimal fractions."""
+"""Largest difference of a time from the end of an interval to count as the end, in intervals: decimal rounding."""
 
 
-def deviation_at(water: Water, deviation: np.ndarray, began: float, time: float) -> np.ndarray:
-    """Return the deviation (3,) of the current [m/s], world frame, at a time, from that at an earlier one [s].
+def deviation_at(water: Water, deviation: FloatArray, began: float, time: float) -> FloatArray:
+    """Return the deviation (3,) of the current [m/s], world frame, at `time` [s], given the one when it `began` [s].
 
-    Exact at any interval: the stationary process has the standard deviation `water.current_deviation`, and its
-    autocorrelation falls as exp(-t / `water.current_correlation_time`). The noise of an interval depends on the seed
-    and the interval's number only, so that who starts with the same deviation at the same time gets the same current.
+    The process is exact for any interval: in the stationary state its standard deviation is `water.current_deviation`,
+    and its autocorrelation decays as exp(-t / `water.current_correlation_time`). The noise of an interval depends only
+    on the seed and on the number of the interval, so that simulations which start with the same deviation at the same
+    time have the same current.
     """
     kept = math.exp(-INTERVAL / water.current_correlation_time)
     new = math.sqrt(1.0 - kept * kept) * np.array(water.current_deviation)
@@ -31,10 +33,10 @@ def deviation_at(water: Water, deviation: np.ndarray, began: float, time: float)
 
 
 def steps_left(time: float, time_step: float) -> int:
-    """Return after how many time steps [s] the next interval has begun, at least one."""
+    """Return the number of time steps [s] until the next interval has begun, at least one."""
     return max(1, math.ceil(((_interval(time) + 1) * INTERVAL - time) / time_step - ROUNDING))
 
 
 def _interval(time: float) -> int:
-    """Return the number of the interval that a time [s] is in; the end of one is in the next."""
+    """Return the number of the interval that contains a time [s]; the end of an interval belongs to the next one."""
     return math.floor(time / INTERVAL + ROUNDING)

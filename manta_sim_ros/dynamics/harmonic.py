@@ -1,7 +1,7 @@
 """How fast a gait moves the links through the water, by harmonic balance, without simulating it.
 
-The first harmonic of fins and body, linearized about straight chains and rods at 0; drag (12) is the linear damping of
-the same work over a cycle, its amplitude found by iteration.
+The first harmonic of fins and body is found, linearized about straight chains and rods at 0. Drag (12) is replaced by
+the linear damping that does the same work over a cycle; its amplitude is found by iteration.
 
 Letters: M, C, K per unit chord; J from joint rates to the normal velocities of link midpoints; B from the body's twist
 to those. Arrays of both fins are [side, station, link].
@@ -18,37 +18,38 @@ import numpy as np
 from manta_sim_ros.dynamics._kernels.constants import constants
 from manta_sim_ros.dynamics.command import FinCommand
 from manta_sim_ros.dynamics.parameters import Parameters
+from manta_sim_ros.dynamics.quantity import FloatArray
 
 STATIONS = 4
-"""Chords at which each fin is looked at, midpoint rule: drag varies slowly along them."""
+"""Number of chords of each fin that are evaluated, by the midpoint rule: drag varies slowly from chord to chord."""
 
 ITERATIONS = 6
-"""Of the harmonic balance: each halves the distance to where the speeds settle."""
+"""Iterations of the harmonic balance: each halves the distance to the limit of the speeds."""
 
 STEEPEST_BEND = 1.5
-"""Joint angle [rad] up to which the stiffening of (14) is followed."""
+"""Joint angle [rad] up to which the increase of the stiffness by (14) is taken into account."""
 
 SLOWEST = 1e-6
-"""Angular frequency [rad/s] below which a gait is rest."""
+"""Angular frequency [rad/s] below which a gait counts as rest."""
 
 SAME_WORK = 8.0 / (3.0 * math.pi)
-"""Linear damping that does the work of |V| V in a cycle, per amplitude of V."""
+"""Linear damping, per amplitude of V, that does the same work in a cycle as |V| V."""
 
 
 class StraightFins(NamedTuple):
     """Both fins with straight chains, rods at 0."""
 
-    normal: np.ndarray  # J (m, m) [m]
-    inertia: np.ndarray  # M (m, m) [kg m]
-    damping: np.ndarray  # c (m, m) [N s]
+    normal: FloatArray  # J (m, m) [m]
+    inertia: FloatArray  # M (m, m) [kg m]
+    damping: FloatArray  # c (m, m) [N s]
     stiffness: float  # K of each joint, EI / dl [N]
     drag: float  # rho C_D dl / 2 [kg/m^2]
     mass: float  # of a link along its normal, added mass included [kg/m]
-    chord: float  # that a station stands for [m]
-    station: np.ndarray  # (stations,) from A, as a share of the support
-    body: np.ndarray  # B (2, stations, m, 6)
-    coupling: np.ndarray  # inertia between joints and twist (stations, m, 6) [kg, kg m]
-    rigid: np.ndarray  # inertia of both fins, their joints held (6, 6)
+    chord: float  # length of the support that a station represents [m]
+    station: FloatArray  # (stations,) from A, as a share of the support
+    body: FloatArray  # B (2, stations, m, 6)
+    coupling: FloatArray  # inertia between joints and twist (stations, m, 6) [kg, kg m]
+    rigid: FloatArray  # inertia of both fins, their joints held (6, 6)
 
 
 @functools.lru_cache(maxsize=16)
@@ -56,13 +57,14 @@ def straight_fins(parameters: Parameters) -> StraightFins:
     """Return the constants of both fins with straight chains, rods at 0."""
     fin, links = constants(parameters).fin, parameters.fin.links
     dl, link_mass, added = fin.link_length, fin.link_mass, fin.added_mass
-    roots = np.arange(links) * dl
+    roots = dl * np.arange(links, dtype=np.float64)
     middles = roots + 0.5 * dl
-    halves = np.concatenate([middles + end * dl / math.sqrt(12.0) for end in (-1.0, 1.0)])  # a thin rod as two points
+    offset = dl / math.sqrt(12.0)
+    halves = np.concatenate([middles - offset, middles + offset])  # a thin rod as two points
     normal, halves_normal = (np.maximum(0.0, points[:, None] - roots) for points in (middles, halves))
     inertia = 0.5 * link_mass * halves_normal.T @ halves_normal + added * normal.T @ normal
     station, chord = (np.arange(STATIONS) + 0.5) / STATIONS, parameters.rods.support_length / STATIONS
-    motion, halves_motion = (_point_motion(parameters, station, points) for points in (middles, halves))
+    motion, halves_motion = _point_motion(parameters, station, middles), _point_motion(parameters, station, halves)
     body = motion[..., 2, :]
     return StraightFins(
         normal=normal, inertia=inertia, damping=fin.damping * np.eye(links), stiffness=0.5 * fin.stiffness,
@@ -74,7 +76,7 @@ def straight_fins(parameters: Parameters) -> StraightFins:
     )
 
 
-def _point_motion(parameters: Parameters, station: np.ndarray, span: np.ndarray) -> np.ndarray:
+def _point_motion(parameters: Parameters, station: FloatArray, span: FloatArray) -> FloatArray:
     """Return the velocities (2, stations, points, 3, 6) by the twist of points that are `span` [m] from the roots."""
     rods = parameters.rods
     sine = (rods.front_radius - rods.rear_radius) / rods.support_length  # of theta, (8), rods at 0
@@ -94,7 +96,7 @@ def _point_motion(parameters: Parameters, station: np.ndarray, span: np.ndarray)
 
 def gait_motion(
     parameters: Parameters, fins: StraightFins, commands: tuple[FinCommand, FinCommand],
-) -> tuple[np.ndarray, np.ndarray]:
+) -> tuple[FloatArray, FloatArray]:
     """Return amplitudes of normal speeds [m/s] and joint angles [rad] of a chain (m,), the largest of all chains.
 
     Harmonic balance of fins and body, driven by the heave of the supports at the frequency of each fin.
@@ -123,11 +125,11 @@ def gait_motion(
             motions = np.ones(1, dtype=complex)
             if not parameters.solver.fixed_base:
                 forces = fins.chord * np.tensordot(B, resistance * normal, axes=((0, 1, 2), (0, 1, 2)))
-                own = 1j * frequency * np.diag((body.mass,) * 3 + body.inertia)
-                own[2, 2] += heave_drag * heave
+                rigid = 1j * frequency * np.diag((body.mass,) * 3 + body.inertia)
+                rigid[2, 2] += heave_drag * heave
                 for axis in (3, 4):
-                    own[axis, axis] += body.angular_damping[axis - 3] + righting / (1j * frequency)
-                motions = np.append(1.0, -np.linalg.solve(own + forces[:, 1:], forces[:, 0]))
+                    rigid[axis, axis] += body.angular_damping[axis - 3] + righting / (1j * frequency)
+                motions = np.append(1.0, -np.linalg.solve(rigid + forces[:, 1:], forces[:, 0]))
                 squares[2] += abs(motions[3]) ** 2
             squares[0] += np.abs(normal @ motions) ** 2
             squares[1] += np.abs(rates @ motions / frequency) ** 2
@@ -139,10 +141,10 @@ def gait_motion(
 
 def _support_heave(
     parameters: Parameters, fins: StraightFins, commands: tuple[FinCommand, FinCommand],
-) -> dict[float, np.ndarray]:
+) -> dict[float, FloatArray]:
     """Return the first harmonic of the supports' heave rate (2, stations, m) [m/s] by angular frequency [rad/s]."""
     rods = parameters.rods
-    driven: dict[float, np.ndarray] = {}
+    driven: dict[float, FloatArray] = {}
     for side, command in enumerate(commands):
         frequency = 2.0 * math.pi * command.frequency
         if frequency < SLOWEST or command.amplitude == 0.0:
@@ -156,11 +158,11 @@ def _support_heave(
     return driven
 
 
-def flow_motion(parameters: Parameters, fins: StraightFins) -> tuple[np.ndarray, np.ndarray]:
-    """Return the normal speeds (m,) [m/s] by the current, and the joint angles (m,) [rad] to which it bends a chain.
+def flow_motion(parameters: Parameters, fins: StraightFins) -> tuple[FloatArray, FloatArray]:
+    """Return the normal speeds (m,) [m/s] due to the current, and the joint angles (m,) [rad] of a chain that it bends.
 
-    A vertical current meets a fin less the more it bends, a horizontal one meets a held fin the more; a free body
-    drifts with the latter.
+    The more a fin bends, the less a vertical current acts on it, and the more a horizontal one. A free body drifts with
+    the horizontal current.
     """
     current = parameters.water.current
     vertical = abs(current[2])

@@ -1,4 +1,4 @@
-"""How the water loads the fins in a state: the drag (12) of each link as a pressure."""
+"""The load of the water on the fins: the drag (12) of each link as a pressure."""
 
 from __future__ import annotations
 
@@ -8,33 +8,34 @@ import numpy as np
 
 from manta_sim_ros.dynamics._kernels.geometry import rotation_of
 from manta_sim_ros.dynamics.parameters import Parameters
+from manta_sim_ros.dynamics.quantity import FloatArray
 from manta_sim_ros.dynamics.state import State, check_shape, finite_array
 from manta_sim_ros.dynamics.surface import STEP, fin_surfaces, rod_rates
 
 
 def fin_loads(
-    parameters: Parameters, state: State, current: Sequence[float] | np.ndarray | None = None,
-) -> np.ndarray:
+    parameters: Parameters, state: State, current: Sequence[float] | FloatArray | None = None,
+) -> FloatArray:
     """Return the normal load of the water on each link of both fins, per unit area, (12).
 
-    The force on a link is load n dl ds: n is the unit normal (11), which is up on both sides when the fin is level, dl
-    the length of the link and ds the distance of the chains. That is the whole drag; the load of the added mass is not
-    in it. All of it is NumPy: a kernel would have to be compiled first.
+    The force on a link is load n dl ds: n is the unit normal (11), which points up on both sides when the fin is level,
+    dl is the length of the link, and ds is the distance of the chains. This is the whole drag; the load of the added
+    mass is not included. The function is written in NumPy, as a kernel would have to be compiled first.
 
     Parameters
     ----------
     parameters
         All values of the model.
     state
-        A state that fits them. The motion of the rods is that of its gait.
+        A state with as many chains and links. The motion of the rods is that of its gait.
     current
-        (3,) mean velocity of the water, world frame [m/s], as in `Simulator.advance`; default `water.current`. The
-        state's deviation of the current is added.
+        (3,) mean velocity of the water, world frame [m/s], as in `Simulator.advance`; by default `water.current`. The
+        deviation of the current in the state is added to it.
 
     Returns
     -------
     numpy.ndarray
-        (2, n, m) [fin, chain, link] [Pa], positive where the water pushes the link along n, up.
+        (2, n, m) [fin, chain, link] [Pa], positive where the water pushes the link along n, that is, up.
 
     Raises
     ------
@@ -53,11 +54,12 @@ def fin_loads(
     spanwise = np.diff(nodes.real, axis=-2)
     chordwise = -np.gradient(middles.real, axis=1)  # toward the leading edge; one-sided at the edges
     normals = np.cross(chordwise, spanwise)
-    normals[1] *= -1.0  # a vector product changes its sign in the mirror
+    normals[1] *= -1.0  # the mirror changes the sign of a vector product
     normals /= np.linalg.norm(normals, axis=-1, keepdims=True)
 
     velocities = middles.imag / STEP + np.cross(state.twist[3:], middles.real)
     velocities += state.twist[:3] - water @ np.array(rotation_of.py_func(state.orientation))  # R^T
-    through = np.sum(velocities * normals, axis=-1)
-    return -0.5 * parameters.water.density * parameters.fin.drag_coefficient * np.abs(through) * through
+    normal_velocities = np.sum(velocities * normals, axis=-1)
+    factor = 0.5 * parameters.water.density * parameters.fin.drag_coefficient
+    return -factor * np.abs(normal_velocities) * normal_velocities
 

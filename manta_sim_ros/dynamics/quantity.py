@@ -8,6 +8,11 @@ import numbers
 from collections.abc import Sequence
 from typing import Any, ClassVar
 
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+
 Vector = tuple[float, float, float]
 
 LARGEST_SEED = 10**9

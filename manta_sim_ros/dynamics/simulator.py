@@ -1,4 +1,4 @@
-"""The face of the dynamics: `Simulator` steps a state, `fin_dynamics` evaluates one fin."""
+"""The simulation: `Simulator` advances a state in time, `fin_dynamics` evaluates one fin."""
 
 from __future__ import annotations
 
@@ -20,34 +20,35 @@ from manta_sim_ros.dynamics._kernels.motion import FASTEST, FIN_DIVERGED, NO_SOL
 from manta_sim_ros.dynamics.command import REST, SIDES, FinCommand, check_gait, check_present_gait, check_transition
 from manta_sim_ros.dynamics.current import deviation_at, steps_left
 from manta_sim_ros.dynamics.parameters import MONOLITHIC, SEQUENTIAL, Parameters
+from manta_sim_ros.dynamics.quantity import FloatArray
 from manta_sim_ros.dynamics.stability import StabilityWarning, remedy, step_warning
 from manta_sim_ros.dynamics.state import State, check_shape, finite_array
 
 WHOLE_STEPS_TOLERANCE = 1e-6
-"""How far a duration may be from a whole number of steps, in steps: the rounding of decimal fractions, no more."""
+"""Largest difference of a duration from a whole number of steps, in steps: the rounding of decimal fractions."""
 
 LINK_STEPS_AT_ONCE = 5_000_000
-"""Steps times links in one compiled call, about a second of computing: between calls Ctrl-C is heard."""
+"""Steps times links in one compiled call, about a second of computing: Ctrl-C takes effect between two calls."""
 
 MOST_STEPS = 2**53
-"""More steps than this a float cannot count."""
+"""The largest number of steps: a float cannot count more."""
 
 _KERNELS: dict[str, ModuleType] = {SEQUENTIAL: staggered, MONOLITHIC: monolithic}
 
 
 class DivergenceError(ValueError):
-    """The time step is too large for this motion: a joint passed +-pi or is not finite, or the body runs away."""
+    """The motion diverged: a joint passed +-pi or is not finite, or the body is faster than any robot."""
 
 
 class Simulator:
-    """The robot, its fins and the water: takes commands, advances in time.
+    """The robot in the water: takes commands of its fins and advances in time.
 
     Parameters
     ----------
     parameters
         All values of the model.
     state
-        Where to start; default at rest at the origin, fins flat, time 0.
+        The state to start from; by default at rest at the origin with flat fins, at time 0.
 
     Raises
     ------
@@ -56,7 +57,7 @@ class Simulator:
 
     """
 
-    _too_fast = False  # whether the last command asked for a smaller step
+    _step_too_large = False  # for the gaits of the last command
 
     def __init__(self, parameters: Parameters | None = None, state: State | None = None) -> None:
         self._parameters = Parameters() if parameters is None else parameters
@@ -75,13 +76,13 @@ class Simulator:
         return self._state
 
     def reset(self, state: State | None = None) -> State:
-        """Go to `state`, or to rest at the origin at time 0, and return it.
+        """Continue from `state`, by default from rest at the origin at time 0, and return it.
 
         Raises
         ------
         ValueError
-            `state` does not fit the parameters: another number of chains or links, a joint past +-pi, an impossible
-            gait, or a moving body with `solver.fixed_base`. The simulator stays where it was.
+            `state` does not fit the parameters: another number of chains or links, a joint beyond +-pi, an impossible
+            gait, or a moving body with `solver.fixed_base`. The simulator then keeps its state.
 
         """
         return self._go_to(state)
@@ -102,9 +103,9 @@ class Simulator:
         for side in range(2):
             command = FinCommand(*state.gait_commands[side])
             check_gait(self._parameters.rods, side, command)
-            check_present_gait(self._parameters.rods, side, state.gait[side])  # the way on from it was checked before
+            check_present_gait(self._parameters.rods, side, state.gait[side])  # the transition was checked before
         step = self._parameters.solver.time_step
-        if state.time != state.start_time + state.step_count * step:  # it comes from elsewhere: count anew from here
+        if state.time != state.start_time + state.step_count * step:  # its steps were counted elsewhere
             state = dataclasses.replace(state, start_time=state.time, step_count=0)
         warning = step_warning(self._parameters, *(FinCommand(*command) for command in state.gait_commands))
         self._state = state
@@ -112,16 +113,16 @@ class Simulator:
         return state
 
     def command(self, *, left: FinCommand, right: FinCommand) -> None:
-        """Command the gaits of both fins, from now on; smoothed with `rods.command_time_constant`.
+        """Command the gaits of both fins from now on; they are smoothed with `rods.command_time_constant`.
 
-        Warns with a StabilityWarning when `solver.time_step` is above their `largest_stable_step`, as a state with such
-        gaits does; a controller that goes on commanding them is warned once, until one in between is stable.
+        A StabilityWarning is given when `solver.time_step` is above the `largest_stable_step` of these gaits, as it is
+        for the gaits of a state. A controller that repeats them is warned once, until a stable gait comes in between.
 
         Raises
         ------
         ValueError
-            A gait is impossible, or cannot be reached from the present one; names side, value and bound. Neither fin is
-            commanded then.
+            A gait is impossible, or cannot be reached from the present one; names side, value and bound. No fin is then
+            commanded.
 
         """
         gait, rates = self._state.gait.copy(), self._state.gait_rates.copy()
@@ -139,29 +140,35 @@ class Simulator:
         self._warn_of_step(warning, stacklevel=3)
 
     def _warn_of_step(self, warning: str | None, stacklevel: int) -> None:
-        known, self._too_fast = self._too_fast, warning is not None
-        if warning is not None and not known:
+        warned, self._step_too_large = self._step_too_large, warning is not None
+        if warning is not None and not warned:
             warnings.warn(warning, StabilityWarning, stacklevel)
 
     def advance(
-        self, duration: float, *, current: Sequence[float] | np.ndarray | None = None,
-        body_wrench: Sequence[float] | np.ndarray | None = None,
-        world_wrench: Sequence[float] | np.ndarray | None = None,
+        self, duration: float, *, current: Sequence[float] | FloatArray | None = None,
+        body_wrench: Sequence[float] | FloatArray | None = None,
+        world_wrench: Sequence[float] | FloatArray | None = None,
     ) -> State:
         """Advance by `duration` [s], a whole number of time steps, in one compiled loop; return the new state.
 
-        Disturbances hold for `duration`: `current` (3,) is the mean velocity of the water [m/s], world frame, in place
-        of `water.current`; `body_wrench` and `world_wrench` (6,) are forces [N] and moments [N m] on the body about its
-        center of mass, components in the body frame and in the world frame. A body that is held still feels no wrench.
+        Parameters
+        ----------
+        duration
+            [s].
+        current
+            (3,) mean velocity of the water during `duration` [m/s], world frame, in place of `water.current`.
+        body_wrench, world_wrench
+            (6,) external force [N] and moment [N m] on the body about its center of mass during `duration`, components
+            in the body frame and in the world frame. They have no effect with `solver.fixed_base`.
 
         Raises
         ------
         ValueError
-            `duration` is negative, not finite or no whole number of steps; a disturbance has a wrong shape or is not
-            finite.
+            `duration` is negative, not finite or not a whole number of steps; a current or wrench has a wrong shape or
+            is not finite.
         DivergenceError
-            A joint passed +-pi, the body is absurdly fast or a value is not finite; gives time, fin, chain and a step
-            to try. The simulator stays where it was before.
+            The motion diverged; gives time, fin, chain and a time step to try. The simulator keeps the state that it
+            had before.
 
         """
         steps = self._whole_steps(duration)
@@ -237,12 +244,12 @@ def compile_kernels(parameters: Parameters, announce: Callable[[str], object]) -
 def fin_dynamics(
     parameters: Parameters,
     side: int,
-    rod_motion: np.ndarray,
-    joint_angles: np.ndarray,
-    joint_rates: np.ndarray,
-    body_twist: np.ndarray,
-    body_acceleration: np.ndarray,
-) -> tuple[np.ndarray, np.ndarray]:
+    rod_motion: FloatArray,
+    joint_angles: FloatArray,
+    joint_rates: FloatArray,
+    body_twist: FloatArray,
+    body_acceleration: FloatArray,
+) -> tuple[FloatArray, FloatArray]:
     """Evaluate (6) to (33) for one fin in still water, in any state, with its added mass if there is any.
 
     Parameters

@@ -1,8 +1,8 @@
 """The largest stable time step of a gait, estimated from the linearized equations, without simulating it.
 
-Chains are linearized about straight, M q-ddot + C q-dot + K q = 0, with the slope of the drag (12) at the speeds that
-the gait gives the links (harmonic.py, letters too), and tried in a step of the scheme: classical Runge-Kutta, and with
-a free body the coupling.
+Chains are linearized about the straight shape, M q-ddot + C q-dot + K q = 0, with the slope of the drag (12) at the
+speeds that the gait gives the links (`harmonic`, which also explains the letters). The largest step is the one at which
+the scheme still damps these equations: the classical Runge-Kutta scheme and, with a free body, the coupling.
 """
 
 from __future__ import annotations
@@ -22,20 +22,21 @@ from manta_sim_ros.dynamics.harmonic import (
     straight_fins,
 )
 from manta_sim_ros.dynamics.parameters import SEQUENTIAL, Parameters, Solver
+from manta_sim_ros.dynamics.quantity import FloatArray
 
 SPEED_SHARE = 0.85
-"""Share of a speed's amplitude at which drag counts, since it passes; calibrated on verification/stability.py."""
+"""Share of a speed's amplitude at which the drag is linearized; calibrated in evidence/verification/stability.py."""
 
 SAFETY = 0.95
-"""What is taken of the estimate, so that it stays on the safe side; calibrated on verification/stability.py."""
+"""Factor on the estimate, so that it is on the safe side; calibrated in evidence/verification/stability.py."""
 
 HARMLESS_GROWTH = 1.0
-"""Rate [1/s] at which a disturbance of fins and body may grow: the body's forward Euler feeds slow motions a little."""
+"""Largest growth rate [1/s] of a stable disturbance: forward Euler lets slow motions of the body grow a little."""
 
 SAFE_SHARE, SAFE_SHARE_OF_ONE_LINK = 0.9, 0.3
-"""Of the step of larger gaits, up to which a gait is not looked at by itself; a test tries random ones.
+"""Share of the step of larger gaits up to which a gait is not examined by itself; a test tries random gaits.
 
-With one link a chain, a smaller motion may need the smaller step.
+With one link per chain, a smaller motion may need a smaller step.
 """
 
 AMPLITUDE_CELL, FREQUENCY_CELL = 0.1, 0.25
@@ -43,28 +44,29 @@ PHASES = (-0.7, 0.0, 0.7)
 """Grid of the larger gaits [rad], [Hz], and their phases [rad]."""
 
 STEPS_PER_PERIOD = 50.0
-"""Fewer do not follow a gait, stable or not."""
+"""Fewer steps per period do not resolve a gait, whether they are stable or not."""
 
 MOST_LINKS_WITH_BODY = 6
-"""Links a chain up to which the step is sought for fins and body together: with more the chains' stiffness decides."""
+"""Links per chain up to which fins and body are examined together: with more, the stiffness of the chains decides."""
 
 LEAST_STEP = Solver.quantities()['time_step'].low
-UNREACHABLE = f', but solver.time_step must be at least {LEAST_STEP:g} s: make the fins softer, or of fewer links'
+UNREACHABLE = f', but solver.time_step must be at least {LEAST_STEP:g} s: make the fins softer, or use fewer links'
 
 DIRECTIONS = np.linspace(0.5 * math.pi, math.pi, 1025)
-"""Arguments of eigenvalues [rad] at which the stability region is tabulated; it is symmetric."""
+"""Arguments of the eigenvalues [rad] at which the stability region is tabulated; it is symmetric."""
 
 SHARED, OPPOSITE = (0, 2, 4), (1, 3, 5)
-"""Axes of the twist whose motions both fins share (x, z, pitch), and those in which they are each other's opposite."""
+"""Axes of the twist in which both fins move alike (x, z, pitch), and those in which they move oppositely."""
 
 
 def largest_stable_step(parameters: Parameters, left: FinCommand, right: FinCommand) -> float:
-    """Return the largest `solver.time_step` [s] at which these gaits, once settled, are stable: an estimate.
+    """Return an estimate of the largest `solver.time_step` [s] at which these gaits are stable once they are periodic.
 
-    docs/verification.md compares it with the steps at which simulations diverge. Do not rely on it for chains of one
-    or two links, nor for fins that ripple along the chord (docs/model.md, How many chains), which need less. 0: no
-    step is stable, the fins are too heavy against the body for `solver.coupling` sequential. Infinite: nothing bounds
-    it, as with free joints at rest without damping or water. `solver.time_step` itself has no influence.
+    The page "Verification" of the documentation compares it with the steps at which simulations diverge. It is not
+    reliable for chains of one or two links, nor for fins with chordwise instability (page "Model"), which need smaller
+    steps. The estimate is 0 if no step is stable, because the fins are too heavy against the body for `solver.coupling`
+    sequential. It is infinite if nothing limits the step, as for free joints at rest without damping and water. The
+    value of `solver.time_step` itself has no influence.
 
     Raises
     ------
@@ -80,7 +82,7 @@ def largest_stable_step(parameters: Parameters, left: FinCommand, right: FinComm
 
 
 class StabilityWarning(UserWarning):
-    """`solver.time_step` is above the largest stable step of the gait that was commanded."""
+    """`solver.time_step` is above the largest stable step of the commanded gaits."""
 
 
 def rounded_down(step: float) -> float:
@@ -90,9 +92,10 @@ def rounded_down(step: float) -> float:
 
 
 def step_warning(parameters: Parameters, left: FinCommand, right: FinCommand) -> str | None:
-    """Return what to say of a `solver.time_step` that is too large for these gaits, or None.
+    """Return a warning if `solver.time_step` is too large for these gaits, else None.
 
-    Cheap when the step is small for all gaits about as large and as fast: controllers command new ones at a high rate.
+    This is cheap if the step is small enough for all gaits of about this size and frequency, as controllers command new
+    gaits at a high rate.
     """
     time_step = parameters.solver.time_step
     share = SAFE_SHARE if parameters.fin.links > 1 else SAFE_SHARE_OF_ONE_LINK
@@ -113,7 +116,7 @@ def step_warning(parameters: Parameters, left: FinCommand, right: FinCommand) ->
 
 
 def remedy(parameters: Parameters, left: FinCommand, right: FinCommand) -> str:
-    """Return what to do about a simulation of these gaits that has diverged."""
+    """Return advice for a simulation of these gaits that diverged."""
     time_step, largest = parameters.solver.time_step, largest_stable_step(parameters, left, right)
     if largest == 0.0:
         return 'no step is stable with solver.coupling sequential, set it to monolithic'
@@ -123,9 +126,9 @@ def remedy(parameters: Parameters, left: FinCommand, right: FinCommand) -> str:
 
 
 def _step_of_larger_gaits(parameters: Parameters, left: FinCommand, right: FinCommand) -> float:
-    """Return the least largest stable step [s] of gaits that are as large and as fast as these or a little more.
+    """Return the smallest of the largest stable steps [s] of gaits that are at least as large and as fast as these.
 
-    Both fins alike, with the next amplitude and frequency of a grid, and some phases.
+    Both fins have the same gait, with the next amplitude and frequency of a grid, and some phases.
     """
     amplitude, frequency = (
         math.ceil(max(getattr(left, name), getattr(right, name)) / cell) * cell
@@ -148,20 +151,20 @@ def _largest_stable_step(parameters: Parameters, left: FinCommand, right: FinCom
     return min(SAFETY * step, 1.0 / (STEPS_PER_PERIOD * frequency) if frequency > 0.0 else math.inf)
 
 
-def _slopes(fins: StraightFins, speeds: np.ndarray, angles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _slopes(fins: StraightFins, speeds: FloatArray, angles: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return the slopes (m,) of the drag (12) at normal speeds [m/s] and of the elastic torque (14) at angles [rad]."""
     t2 = np.tan(0.5 * np.minimum(angles, STEEPEST_BEND)) ** 2
     return 2.0 * fins.drag * speeds, fins.stiffness * (1.0 + t2) * (1.0 + 3.0 * t2)
 
 
-def _chain_step(fins: StraightFins, drag: np.ndarray, stiffness: np.ndarray) -> float:
+def _chain_step(fins: StraightFins, drag: FloatArray, stiffness: FloatArray) -> float:
     """Return the largest stable step [s] of a chain on a support whose motion is given."""
     return _runge_kutta_step(
         fins.inertia, fins.damping + fins.normal.T @ (drag[:, None] * fins.normal), np.diag(stiffness))
 
 
 def _coupled_step(
-    parameters: Parameters, fins: StraightFins, drag: np.ndarray, stiffness: np.ndarray, longest: float,
+    parameters: Parameters, fins: StraightFins, drag: FloatArray, stiffness: FloatArray, longest: float,
 ) -> float:
     """Return the largest stable step [s], at most `longest`, of fins and body together.
 
@@ -187,24 +190,24 @@ def _coupled_step(
         if parameters.solver.coupling == SEQUENTIAL:
             if _too_heavy(fin_matrices[0], body_inertia):
                 return 0.0
-            longest = _sequential_step(*fin_matrices, body_inertia, longest) if together else longest
+            longest = _staggered_step(*fin_matrices, body_inertia, longest) if together else longest
         elif together:
             fin_matrices[0][m:, m:] += np.diag(body_inertia)
             longest = min(longest, _runge_kutta_step(*fin_matrices))
     return longest
 
 
-def _sequential_step(
-    inertia: np.ndarray, damping: np.ndarray, stiffness: np.ndarray, own: np.ndarray, longest: float,
+def _staggered_step(
+    inertia: FloatArray, damping: FloatArray, stiffness: FloatArray, own: FloatArray, longest: float,
 ) -> float:
-    """Return the largest stable step [s], at most `longest`, of the body (inertia `own`) after its fins, Section 4.
+    """Return the largest stable step [s], at most `longest`, of the staggered coupling; the body has the inertia `own`.
 
     The last three rows of the fins' matrices are the body's.
     """
     if longest == math.inf:
         return longest
     low, high = 0.0, math.inf
-    for tried in (longest / 8.0, longest / 4.0, longest / 2.0, longest):  # stable steps may lie beyond unstable ones
+    for tried in (longest / 8.0, longest / 4.0, longest / 2.0, longest):  # stable steps can be above unstable ones
         if _growth_rate(inertia, damping, stiffness, own, tried) > HARMLESS_GROWTH:
             high = tried
             break
@@ -218,8 +221,8 @@ def _sequential_step(
     return low if low > 0.0 else high
 
 
-def _too_heavy(inertia: np.ndarray, own: np.ndarray) -> bool:
-    """Return whether fins with free joints weigh as much as the body, whose acceleration is a step old for them."""
+def _too_heavy(inertia: FloatArray, own: FloatArray) -> bool:
+    """Return whether fins with free joints are as heavy as the body, whose acceleration is one step old for them."""
     joints = slice(0, -3)
     at_body = inertia[-3:, -3:] - inertia[-3:, joints] @ np.linalg.solve(inertia[joints, joints], inertia[joints, -3:])
     root = np.sqrt(own)
@@ -227,9 +230,9 @@ def _too_heavy(inertia: np.ndarray, own: np.ndarray) -> bool:
 
 
 def _growth_rate(
-    inertia: np.ndarray, damping: np.ndarray, stiffness: np.ndarray, own: np.ndarray, dt: float,
+    inertia: FloatArray, damping: FloatArray, stiffness: FloatArray, own: FloatArray, dt: float,
 ) -> float:
-    """Return the rate [1/s] at which the worst disturbance grows in steps of `dt` [s] of the sequential coupling."""
+    """Return the rate [1/s] at which the worst disturbance grows in steps of `dt` [s] of the staggered coupling."""
     m = len(inertia) - 3
     twist = slice(2 * m, 2 * m + 3)  # of the state: joint angles, joint rates, twist, acceleration of the body
     accelerations = -np.linalg.solve(
@@ -248,7 +251,7 @@ def _growth_rate(
     return math.log(max(np.abs(np.linalg.eigvals(step)).max(), 1e-300)) / dt
 
 
-def _runge_kutta_step(inertia: np.ndarray, damping: np.ndarray, stiffness: np.ndarray) -> float:
+def _runge_kutta_step(inertia: FloatArray, damping: FloatArray, stiffness: FloatArray) -> float:
     """Return the largest stable step [s] of M q-ddot + C q-dot + K q = 0 with classical Runge-Kutta."""
     size = len(inertia)
     system = np.zeros((2 * size, 2 * size))
@@ -263,7 +266,7 @@ def _runge_kutta_step(inertia: np.ndarray, damping: np.ndarray, stiffness: np.nd
 
 
 @functools.cache
-def _reach() -> np.ndarray:
+def _reach() -> FloatArray:
     """Return the largest |z| in `DIRECTIONS` with |R(z)| <= 1, R(z) = 1 + z + z^2/2 + z^3/6 + z^4/24."""
     low, high = np.zeros(DIRECTIONS.size), np.full(DIRECTIONS.size, 4.0)  # each ray leaves the region once
     for _ in range(50):

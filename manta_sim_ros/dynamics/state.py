@@ -1,4 +1,4 @@
-"""The state of a simulation, frozen: what a step starts from and what it yields."""
+"""The state of a simulation, frozen: the beginning and the result of a step."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from manta_sim_ros.dynamics.parameters import Parameters
+from manta_sim_ros.dynamics.quantity import FloatArray
 
 SHAPES: dict[str, tuple[int, ...]] = {
     'position': (3,),
@@ -27,58 +28,59 @@ SHAPES: dict[str, tuple[int, ...]] = {
 """Shapes of the arrays of a state; joint_angles and joint_rates are (2, n, m)."""
 
 LONGEST_TIME = 1e12
-"""Bound of a state's time [s]: beyond it a float no longer tells one step from the next."""
+"""Bound of the time of a state [s]: beyond it a float cannot represent single steps."""
 
 UNIT_TOLERANCE = 1e-6
-"""How far from 1 the norm of an orientation may be: digits of a value that was printed, not a wrong one."""
+"""Largest difference of the norm of an orientation from 1: the rounding of a printed value."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class State:
-    """State of the robot at one time. Arrays are read-only; fin index 0 is left, 1 right. SI units, radians.
+    """State of the robot at one time. Arrays are read-only; fin index 0 is left, 1 is right. SI units, radians.
 
-    Components are in the body frame (x forward, y left, z up, origin at the center of mass) unless said otherwise.
+    Components are in the body frame (x forward, y left, z up, origin at the center of mass) unless stated otherwise.
 
     Raises
     ------
     ValueError
-        An array has a wrong shape, a value is not finite, or the orientation is no unit quaternion.
+        An array has a wrong shape, a value is not finite, or the orientation is not a unit quaternion.
 
     """
 
     time: float
     """Simulated time [s]."""
-    position: np.ndarray
+    position: FloatArray
     """(3,) of the center of mass, world frame [m]."""
-    orientation: np.ndarray
+    orientation: FloatArray
     """(4,) unit quaternion x, y, z, w: body to world components."""
-    twist: np.ndarray
+    twist: FloatArray
     """(6,) V [m/s], Omega [rad/s]."""
-    acceleration: np.ndarray
-    """(6,) derivative of the twist's components [m/s^2, rad/s^2]. With the sequential coupling that of the step before,
-    which the next step's fins see; with the monolithic one that at `time`, once a step was taken."""
-    joint_angles: np.ndarray
+    acceleration: FloatArray
+    """(6,) time derivative of the components of the twist [m/s^2, rad/s^2]. With the staggered coupling it is that of
+    the last step, which the fins see in the next step; with the monolithic coupling it is that at `time`, once a step
+    was taken."""
+    joint_angles: FloatArray
     """(2, n, m) [fin, chain, link] [rad], positive with the tip up on both sides."""
-    joint_rates: np.ndarray
+    joint_rates: FloatArray
     """(2, n, m) [rad/s]."""
-    rod_angles: np.ndarray
+    rod_angles: FloatArray
     """(2, 2) [fin, front or rear] [rad]."""
-    fin_wrenches: np.ndarray
-    """(2, 6) force [N] and moment [N m] of each fin on the body about its center of mass, at the step's end."""
-    gait: np.ndarray
+    fin_wrenches: FloatArray
+    """(2, 6) force [N] and moment [N m] of each fin on the body about its center of mass, at the end of the step."""
+    gait: FloatArray
     """(2, 5) smoothed amplitude [rad], frequency [Hz], phase, front bias and rear bias [rad] of each fin."""
-    gait_rates: np.ndarray
+    gait_rates: FloatArray
     """(2, 5) time derivative of `gait`."""
-    gait_commands: np.ndarray
-    """(2, 5) what `gait` goes to: the last command."""
-    cycle_angles: np.ndarray
+    gait_commands: FloatArray
+    """(2, 5) the last command, which `gait` approaches."""
+    cycle_angles: FloatArray
     """(2,) angle psi of each fin in its cycle, [0, 2 pi) [rad]."""
     start_time: float = 0.0
-    """Time from which steps are counted [s], so that time is a product and gathers no rounding."""
+    """Time from which the steps are counted [s]: the time is a product, in which rounding errors do not add up."""
     step_count: int = 0
     """Steps since `start_time`."""
-    current_deviation: np.ndarray = dataclasses.field(default_factory=lambda: np.zeros(3))
-    """(3,) how far the current is from its mean now, world frame [m/s]."""
+    current_deviation: FloatArray = dataclasses.field(default_factory=lambda: np.zeros(3))
+    """(3,) present deviation of the current from its mean, world frame [m/s]."""
 
     def __post_init__(self) -> None:
         """Copy the arrays, make them read-only, and check them."""
@@ -90,7 +92,7 @@ class State:
             object.__setattr__(self, name, float(value))
         count = self.step_count
         if isinstance(count, bool) or not isinstance(count, numbers.Integral) or count < 0:
-            raise ValueError(f'state.step_count is {count!r}, but must be a whole number from 0')
+            raise ValueError(f'state.step_count is {count!r}, but must be a whole number, at least 0')
         for field in dataclasses.fields(self):
             if field.name in SHAPES or field.name in ('joint_angles', 'joint_rates'):
                 object.__setattr__(self, field.name, self._checked_array(field.name))
@@ -106,10 +108,10 @@ class State:
             raise ValueError(f'state.orientation has norm {norm:.9g}, but must have 1 within {UNIT_TOLERANCE:g}')
 
     def __reduce__(self) -> tuple[type[State], tuple[Any, ...]]:
-        """Let copies and pickles be made by the constructor, so that they are as read-only and as checked."""
+        """Let the constructor make copies and unpickled states, so that they are read-only and checked as well."""
         return type(self), tuple(getattr(self, field.name) for field in dataclasses.fields(self))
 
-    def _checked_array(self, name: str) -> np.ndarray:
+    def _checked_array(self, name: str) -> FloatArray:
         try:
             array = np.array(getattr(self, name), dtype=np.float64)
         except (TypeError, ValueError) as error:
@@ -122,7 +124,7 @@ class State:
         return array
 
     @property
-    def wrench(self) -> np.ndarray:
+    def wrench(self) -> FloatArray:
         """(6,) sum of `fin_wrenches`: force [N] and moment [N m] of both fins on the body."""
         return self.fin_wrenches[0] + self.fin_wrenches[1]
 
@@ -138,7 +140,7 @@ class State:
 
     @classmethod
     def at_rest(cls, parameters: Parameters) -> State:
-        """Return the state at time 0: at rest at the origin, both fins flat and not commanded."""
+        """Return the state at rest at the origin at time 0, with both fins flat and without a gait."""
         fin = parameters.fin
         zeros: dict[str, Any] = {name: np.zeros(shape) for name, shape in SHAPES.items()}
         zeros['orientation'][3] = 1.0
@@ -147,7 +149,7 @@ class State:
 
 
 def check_shape(parameters: Parameters, state: State) -> None:
-    """Raise a ValueError if a state has other numbers of chains and links than the parameters."""
+    """Raise a ValueError if the numbers of chains and links of a state are not those of the parameters."""
     fin = parameters.fin
     expected = (2, fin.chains, fin.links)
     if state.joint_angles.shape != expected:
@@ -155,9 +157,9 @@ def check_shape(parameters: Parameters, state: State) -> None:
             f'state.joint_angles has shape {state.joint_angles.shape}, but fin.chains and fin.links ask for {expected}')
 
 
-def finite_array(name: str, values: Sequence[float] | np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
-    """Return `values` as a new array of a shape, or raise a ValueError that names what is wrong."""
-    array = np.array(values, dtype=np.float64, order='C')  # a copy: Numba would compile anew for a read-only array
+def finite_array(name: str, values: Sequence[float] | FloatArray, shape: tuple[int, ...]) -> FloatArray:
+    """Return `values` as a new array of this shape, or raise a ValueError that names what is wrong."""
+    array = np.array(values, dtype=np.float64, order='C')  # a copy: Numba would compile again for a read-only array
     if array.shape != shape:
         raise ValueError(f'{name} has shape {array.shape}, but must have {shape}')
     if not np.isfinite(array).all():

@@ -128,7 +128,7 @@ def test_a_gait_that_cannot_be_reached_from_the_present_one_is_refused():
         simulator = small_simulator()
         if refused(simulator.parameters.rods, 0, one) or refused(simulator.parameters.rods, 0, other):
             continue
-        for command in (dataclasses.replace(one, amplitude=0.0), one):  # there by way of a small amplitude
+        for command in (dataclasses.replace(one, amplitude=0.0), one):
             simulator.command(left=SWIM, right=command)
             simulator.advance(4.0)  # 20 time constants: settled
         try:

@@ -5,14 +5,11 @@ from __future__ import annotations
 from math import cos, sin, sqrt
 from typing import NamedTuple
 
-import numpy as np
-
 from manta_sim_ros.dynamics._kernels.compilation import kernel
 from manta_sim_ros.dynamics._kernels.constants import RodConstants
 from manta_sim_ros.dynamics._kernels.gait import Rod
 from manta_sim_ros.dynamics._kernels.geometry import (
     Rotation,
-    Vector,
     add,
     cross,
     mirror_axial,
@@ -21,6 +18,7 @@ from manta_sim_ros.dynamics._kernels.geometry import (
     subtract,
     vector_at,
 )
+from manta_sim_ros.dynamics.quantity import FloatArray, Vector
 
 
 class BodyMotion(NamedTuple):
@@ -32,8 +30,19 @@ class BodyMotion(NamedTuple):
     omega_dot: Vector
 
 
+class RodEnd(NamedTuple):
+    """Where a rod ends in the plane of its motion, from O_l [m], with the first two time derivatives."""
+
+    y: float
+    z: float
+    y_dot: float
+    z_dot: float
+    y_ddot: float
+    z_ddot: float
+
+
 class Attitude(NamedTuple):
-    """How F_0 is turned against the body, and turns: components in F_0."""
+    """How F_0 is rotated against the body, and how it rotates; components in F_0."""
 
     rotation: Rotation  # lR_0, from F_0 to F_b
     omega: Vector  # [rad/s]
@@ -52,7 +61,7 @@ class SupportMotion(NamedTuple):
 
 
 @kernel
-def body_motion(side: int, twist: np.ndarray, acceleration: np.ndarray) -> BodyMotion:
+def body_motion(side: int, twist: FloatArray, acceleration: FloatArray) -> BodyMotion:
     """Return the body's motion as one side's fin sees it, in the left fin's coordinates; arrays (6,) in F_b."""
     return BodyMotion(
         mirror_polar(vector_at(twist, 0), side), mirror_axial(vector_at(twist, 3), side),
@@ -62,29 +71,29 @@ def body_motion(side: int, twist: np.ndarray, acceleration: np.ndarray) -> BodyM
 
 @kernel
 def support_attitude(rods: RodConstants, front: Rod, rear: Rod) -> Attitude:
-    """Return how F_0 is turned against the body, (8), (9).
+    """Return how F_0 is rotated against the body, (8), (9).
 
     From |AB| = L with sin(beta) = -dz / L and sin(theta) = dy / (L cos(beta)); x_0 points from A to B.
     """
     length = rods.support_length
-    front_end = _rod_end(front, rods.front_radius)
-    rear_end = _rod_end(rear, rods.rear_radius)
-    dy, dz = subtract(front_end[0], rear_end[0]), subtract(front_end[1], rear_end[1])
+    b, a = _rod_end(front, rods.front_radius), _rod_end(rear, rods.rear_radius)
+    dy, dy_dot, dy_ddot = b.y - a.y, b.y_dot - a.y_dot, b.y_ddot - a.y_ddot
+    dz, dz_dot, dz_ddot = b.z - a.z, b.z_dot - a.z_dot, b.z_ddot - a.z_ddot
 
-    sin_beta = -dz[0] / length
-    plan = sqrt(length * length - dz[0] * dz[0])  # L cos(beta), the support's length in plan view
+    sin_beta = -dz / length
+    plan = sqrt(length * length - dz * dz)  # L cos(beta), the support's length in plan view
     cos_beta = plan / length
-    beta_dot = -dz[1] / plan
-    beta_ddot = (-dz[2] + length * sin_beta * beta_dot**2) / plan
+    beta_dot = -dz_dot / plan
+    beta_ddot = (-dz_ddot + length * sin_beta * beta_dot**2) / plan
     plan_dot = -length * sin_beta * beta_dot
     plan_ddot = -length * (cos_beta * beta_dot**2 + sin_beta * beta_ddot)
 
-    sin_theta = dy[0] / plan
-    ahead = sqrt(plan * plan - dy[0] * dy[0])  # L cos(beta) cos(theta), how far B is in front of A
+    sin_theta = dy / plan
+    ahead = sqrt(plan * plan - dy * dy)  # L cos(beta) cos(theta), how far B is in front of A
     cos_theta = ahead / plan
-    theta_dot = (dy[1] - sin_theta * plan_dot) / ahead
+    theta_dot = (dy_dot - sin_theta * plan_dot) / ahead
     theta_ddot = (
-        dy[2] - 2.0 * cos_theta * theta_dot * plan_dot + sin_theta * theta_dot**2 * plan - sin_theta * plan_ddot
+        dy_ddot - 2.0 * cos_theta * theta_dot * plan_dot + sin_theta * theta_dot**2 * plan - sin_theta * plan_ddot
     ) / ahead
 
     rotation = (
@@ -102,12 +111,12 @@ def support_attitude(rods: RodConstants, front: Rod, rear: Rod) -> Attitude:
 
 
 @kernel
-def _rod_end(rod: Rod, radius: float) -> tuple[Vector, Vector]:
-    """Return y and z of a rod's end from O_l, each with its first two derivatives, (7)."""
+def _rod_end(rod: Rod, radius: float) -> RodEnd:
+    """Return where a rod ends, (7)."""
     y, z = radius * cos(rod.angle), radius * sin(rod.angle)
-    return (
-        (y, -z * rod.angle_dot, -z * rod.angle_ddot - y * rod.angle_dot**2),
-        (z, y * rod.angle_dot, y * rod.angle_ddot - z * rod.angle_dot**2),
+    return RodEnd(
+        y, z, -z * rod.angle_dot, y * rod.angle_dot,
+        -z * rod.angle_ddot - y * rod.angle_dot**2, y * rod.angle_ddot - z * rod.angle_dot**2,
     )
 
 
@@ -117,20 +126,21 @@ def support_motion(rods: RodConstants, front: Rod, rear: Rod, body: BodyMotion) 
 
     The derivatives are exact: (10) in print drops the rotation of V_l-dot into F_0 and the products of velocities.
     """
-    rotation, turning, turning_dot = support_attitude(rods, front, rear)
-    y, z = _rod_end(rear, rods.rear_radius)
-    position = add(rods.motor_position, (0.0, y[0], z[0]))
-    sliding, sliding_dot = (0.0, y[1], z[1]), (0.0, y[2], z[2])
+    attitude, a = support_attitude(rods, front, rear), _rod_end(rear, rods.rear_radius)
+    position = add(rods.motor_position, (0.0, a.y, a.z))
+    p_dot, p_ddot = (0.0, a.y_dot, a.z_dot), (0.0, a.y_ddot, a.z_ddot)  # of A against the body
 
     # (6) and (7): the point A, in body components
-    velocity_a = add(add(body.velocity, cross(body.omega, position)), sliding)
+    velocity_a = add(add(body.velocity, cross(body.omega, position)), p_dot)
     velocity_a_dot = add(
-        add(body.velocity_dot, cross(body.omega_dot, position)), add(cross(body.omega, sliding), sliding_dot))
+        add(body.velocity_dot, cross(body.omega_dot, position)), add(cross(body.omega, p_dot), p_ddot))
 
-    # (10): into F_0, which turns against the body
+    # (10): into F_0, which rotates against the body
+    rotation = attitude.rotation
     velocity = rotate_back(rotation, velocity_a)
-    velocity_dot = subtract(rotate_back(rotation, velocity_a_dot), cross(turning, velocity))
+    velocity_dot = subtract(rotate_back(rotation, velocity_a_dot), cross(attitude.omega, velocity))
     body_omega = rotate_back(rotation, body.omega)
-    omega = add(body_omega, turning)
-    omega_dot = add(subtract(rotate_back(rotation, body.omega_dot), cross(turning, body_omega)), turning_dot)
+    omega = add(body_omega, attitude.omega)
+    omega_dot = add(
+        subtract(rotate_back(rotation, body.omega_dot), cross(attitude.omega, body_omega)), attitude.omega_dot)
     return SupportMotion(rotation, position, velocity, omega, velocity_dot, omega_dot)

@@ -7,13 +7,10 @@ from __future__ import annotations
 
 from math import sqrt
 
-import numpy as np
-
 from manta_sim_ros.dynamics._kernels.compilation import kernel
 from manta_sim_ros.dynamics._kernels.constants import BodyConstants
 from manta_sim_ros.dynamics._kernels.geometry import (
     Rotation,
-    Vector,
     Wrench,
     add,
     cross,
@@ -24,6 +21,7 @@ from manta_sim_ros.dynamics._kernels.geometry import (
 )
 from manta_sim_ros.dynamics._kernels.inputs import Inputs
 from manta_sim_ros.dynamics._kernels.layout import BodyArrays
+from manta_sim_ros.dynamics.quantity import FloatArray, Vector
 
 LEAST_PIVOT = 1e-300
 """Below it an inertia is not positive definite."""
@@ -85,7 +83,7 @@ def solve_body(body: BodyConstants, load: Wrench, arrays: BodyArrays) -> bool:
 
 
 @kernel
-def _solve(matrix: np.ndarray, right: np.ndarray) -> bool:
+def _solve(matrix: FloatArray, right: FloatArray) -> bool:
     """Solve a symmetric positive definite system in place, `right` becoming the solution; return whether it is one.
 
     By Cholesky's factors, whose order of operations keeps the zeros of a motion in the plane of symmetry.
@@ -116,7 +114,7 @@ def _solve(matrix: np.ndarray, right: np.ndarray) -> bool:
 
 
 @kernel
-def attitude(state: np.ndarray) -> Rotation:
+def attitude(state: FloatArray) -> Rotation:
     """Return R_b of the body's state (13,)."""
     x, y, z, w = state[3], state[4], state[5], state[6]
     norm = sqrt(x * x + y * y + z * z + w * w)
@@ -124,7 +122,7 @@ def attitude(state: np.ndarray) -> Rotation:
 
 
 @kernel
-def body_derivative(state: np.ndarray, rotation: Rotation, acceleration: np.ndarray, derivative: np.ndarray) -> None:
+def body_derivative(state: FloatArray, rotation: Rotation, acceleration: FloatArray, derivative: FloatArray) -> None:
     """Fill the time derivative (13,) of the body's state: x-dot = R V, q-dot = q (Omega, 0) / 2, and `acceleration`."""
     x, y, z, w = state[3], state[4], state[5], state[6]
     p, q, r = 0.5 * state[10], 0.5 * state[11], 0.5 * state[12]
@@ -138,7 +136,7 @@ def body_derivative(state: np.ndarray, rotation: Rotation, acceleration: np.ndar
 
 
 @kernel
-def normalize(state: np.ndarray) -> None:
+def normalize(state: FloatArray) -> None:
     """Bring the quaternion of the body's state (13,) back to the unit sphere."""
     norm = sqrt(state[3] ** 2 + state[4] ** 2 + state[5] ** 2 + state[6] ** 2)
     for i in range(4):
@@ -146,7 +144,7 @@ def normalize(state: np.ndarray) -> None:
 
 
 @kernel
-def slower_than(fastest: float, twist: np.ndarray) -> bool:
+def slower_than(fastest: float, twist: FloatArray) -> bool:
     """Return whether every component of a twist (6,) [m/s, rad/s] is below `fastest`."""
     slower = True
     for i in range(6):

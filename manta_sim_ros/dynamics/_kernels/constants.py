@@ -7,16 +7,16 @@ from typing import NamedTuple
 
 import numpy as np
 
-from manta_sim_ros.dynamics._kernels.geometry import Vector
 from manta_sim_ros.dynamics._kernels.layout import stations
 from manta_sim_ros.dynamics.parameters import Parameters
+from manta_sim_ros.dynamics.quantity import FloatArray, Vector
 
 
 class FinConstants(NamedTuple):
     """One fin, per unit chord."""
 
     chains: int  # n
-    station: np.ndarray  # (row,), s of each chain from A [m]
+    station: FloatArray  # (row,), s of each chain from A [m]
     chain_spacing: float  # ds [m]
     link_length: float  # dl [m]
     link_mass: float  # rho_f h dl [kg/m]

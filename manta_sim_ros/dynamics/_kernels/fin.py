@@ -17,8 +17,9 @@ from typing import NamedTuple
 from manta_sim_ros.dynamics._kernels.actuation import SupportMotion
 from manta_sim_ros.dynamics._kernels.compilation import kernel
 from manta_sim_ros.dynamics._kernels.constants import FinConstants
-from manta_sim_ros.dynamics._kernels.geometry import Vector, Wrench, add, cross, rotate
+from manta_sim_ros.dynamics._kernels.geometry import Wrench, add, cross, rotate
 from manta_sim_ros.dynamics._kernels.layout import Chains, Links
+from manta_sim_ros.dynamics.quantity import Vector
 
 # Taylor's coefficients: for |x| <= pi / 2 what is left out is below 2e-18.
 S1, S3, S5, S7, S9, S11, S13, S15, S17, S19, S21 = ((-1) ** k / factorial(2 * k + 1) for k in range(11))

@@ -10,14 +10,13 @@ f = M a + B e + p and f_e = B^T a + C e + r: force at a hinge and forces conjuga
 
 from __future__ import annotations
 
-import numpy as np
-
 from manta_sim_ros.dynamics._kernels.actuation import SupportMotion
 from manta_sim_ros.dynamics._kernels.compilation import kernel
 from manta_sim_ros.dynamics._kernels.constants import FinConstants
 from manta_sim_ros.dynamics._kernels.fin import acceleration_along_support
-from manta_sim_ros.dynamics._kernels.geometry import Vector, Wrench
+from manta_sim_ros.dynamics._kernels.geometry import Wrench
 from manta_sim_ros.dynamics._kernels.layout import BodyArrays, Chains, Links
+from manta_sim_ros.dynamics.quantity import FloatArray, Vector
 
 
 @kernel
@@ -111,7 +110,7 @@ def take_off_oblique_torques(a: Vector, omega_dot: Vector, links: Links) -> None
 
 
 @kernel
-def _sum_chains(fin: FinConstants, omega: Vector, chains: Chains, inertia: np.ndarray, bias: np.ndarray) -> None:
+def _sum_chains(fin: FinConstants, omega: Vector, chains: Chains, inertia: FloatArray, bias: FloatArray) -> None:
     """Sum the chains, (33): fill `inertia` H (6, 6) and `bias` p (6,) of f = H b + p, components in F_0 about A.
 
     After the functions above. A root's acceleration is a + Omega_0-dot x s + Omega_0 x (Omega_0 x s), s along x_0.
@@ -184,7 +183,7 @@ def _effort(row: int, a: Vector, omega_dot: Vector, arrays: BodyArrays) -> float
 
 
 @kernel
-def inertia_in_body(support: SupportMotion, transform: np.ndarray, arrays: BodyArrays) -> None:
+def inertia_in_body(support: SupportMotion, transform: FloatArray, arrays: BodyArrays) -> None:
     """Turn H in place from F_0, about A, to F_b, about the center of mass, of the left fin.
 
     `transform` T (6, 6) is filled with the b that an acceleration of the body's twist makes, b = T eta_b-dot + ...

@@ -5,10 +5,9 @@ from __future__ import annotations
 from math import asin, cos, exp, inf, pi, sin, sqrt
 from typing import NamedTuple
 
-import numpy as np
-
 from manta_sim_ros.dynamics._kernels.compilation import entry_kernel, kernel
 from manta_sim_ros.dynamics._kernels.constants import RodConstants
+from manta_sim_ros.dynamics.quantity import FloatArray
 
 AMPLITUDE, FREQUENCY, PHASE, FRONT_BIAS, REAR_BIAS = range(5)
 
@@ -36,9 +35,9 @@ class Smoothed(NamedTuple):
 class Gait(NamedTuple):
     """The gait of one fin; each array (5,) holds amplitude, frequency, phase, front bias and rear bias."""
 
-    value: np.ndarray
-    rate: np.ndarray
-    command: np.ndarray
+    value: FloatArray
+    rate: FloatArray
+    command: FloatArray
     cycle_angle: float  # psi [rad]
 
 
@@ -111,7 +110,7 @@ def advance_gait(gait: Gait, time_constant: float, elapsed: float) -> float:
     return (gait.cycle_angle + 2.0 * pi * turns) % (2.0 * pi)
 
 
-def largest_rod_difference(ratio: float, gait: np.ndarray) -> float:
+def largest_rod_difference(ratio: float, gait: FloatArray) -> float:
     """Return the largest |a_1 - a_2| [rad] in a cycle of the gait (5,); infinite when the front rod cannot follow.
 
     `ratio` is r_2 / r_1. A_1 sin(psi + phi) - A sin(psi) is one sine, whose amplitude is the distance of two phasors.
@@ -130,7 +129,7 @@ _largest_rod_difference = kernel(largest_rod_difference)
 
 
 @entry_kernel
-def largest_transition_difference(ratio: float, time_constant: float, gait: Gait, scratch: np.ndarray) -> float:
+def largest_transition_difference(ratio: float, time_constant: float, gait: Gait, scratch: FloatArray) -> float:
     """Return the largest |a_1 - a_2| [rad] on the smoothed way from a gait to its command; `scratch` is (5,).
 
     The filter's response is known in closed form; it is sampled, and the curvature between samples is allowed for.

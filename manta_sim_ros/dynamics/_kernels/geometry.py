@@ -5,11 +5,8 @@ from __future__ import annotations
 from math import sqrt
 from typing import NamedTuple
 
-import numpy as np
-
 from manta_sim_ros.dynamics._kernels.compilation import kernel
-
-Vector = tuple[float, float, float]
+from manta_sim_ros.dynamics.quantity import FloatArray, Vector
 
 Rotation = tuple[Vector, Vector, Vector]
 """A rotation matrix as its three rows."""
@@ -63,13 +60,13 @@ def rotate_back(rotation: Rotation, a: Vector) -> Vector:
 
 
 @kernel
-def vector_at(a: np.ndarray, start: int) -> Vector:
+def vector_at(a: FloatArray, start: int) -> Vector:
     """Return three entries of an array as a vector."""
     return a[start], a[start + 1], a[start + 2]
 
 
 @kernel
-def rotation_of(quaternion: np.ndarray) -> Rotation:
+def rotation_of(quaternion: FloatArray) -> Rotation:
     """Return the rotation of a unit quaternion (x, y, z, w): body to world components."""
     x, y, z, w = quaternion[0], quaternion[1], quaternion[2], quaternion[3]
     return (
@@ -80,7 +77,7 @@ def rotation_of(quaternion: np.ndarray) -> Rotation:
 
 
 @kernel
-def integrate_quaternion(quaternion: np.ndarray, omega: Vector, time_step: float) -> None:
+def integrate_quaternion(quaternion: FloatArray, omega: Vector, time_step: float) -> None:
     """Advance a quaternion (x, y, z, w) in place by forward Euler, q-dot = q (Omega, 0) / 2, and normalize it.
 
     `omega` is the angular velocity in the moving frame [rad/s].

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import numpy as np
-
-from manta_sim_ros.dynamics._kernels.geometry import Vector, Wrench
+from manta_sim_ros.dynamics._kernels.geometry import Wrench
+from manta_sim_ros.dynamics.quantity import FloatArray, Vector
 
 
 class Inputs(NamedTuple):
@@ -17,10 +16,10 @@ class Inputs(NamedTuple):
     world_wrench: Wrench  # components in the world frame
 
 
-def inputs(current: np.ndarray, body_wrench: np.ndarray, world_wrench: np.ndarray) -> Inputs:
+def inputs(current: FloatArray, body_wrench: FloatArray, world_wrench: FloatArray) -> Inputs:
     """Return the inputs of a call: the current (3,) and the wrenches (6,)."""
     return Inputs(tuple(current.tolist()), _wrench(body_wrench), _wrench(world_wrench))
 
 
-def _wrench(values: np.ndarray) -> Wrench:
+def _wrench(values: FloatArray) -> Wrench:
     return Wrench(tuple(values[:3].tolist()), tuple(values[3:].tolist()))

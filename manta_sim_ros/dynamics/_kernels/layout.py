@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from manta_sim_ros.dynamics._kernels.compilation import kernel
+from manta_sim_ros.dynamics.quantity import FloatArray
 
 LANES = 16
 """A row is as long as the next multiple of this many chains."""
@@ -23,34 +24,34 @@ class Links(NamedTuple):
     """Working arrays of one fin, [link, chain]. The letters are those of `fin`."""
 
     # kept for each fin
-    q: np.ndarray  # joint angle [rad]
-    q_dot: np.ndarray
-    q_ddot: np.ndarray
-    start_q: np.ndarray  # at the beginning of the step
-    start_q_dot: np.ndarray
-    total_q: np.ndarray  # start and slopes of the stages so far
-    total_q_dot: np.ndarray
-    c: np.ndarray
-    s: np.ndarray
-    h_y: np.ndarray
-    h_z: np.ndarray
-    d_inverse: np.ndarray  # 1 / D
-    u: np.ndarray  # tau - nu
-    g_y: np.ndarray  # change of the acceleration along the link, without the joints' accelerations [1/s^2]
-    g_z: np.ndarray
-    k_1: np.ndarray  # torque per component of e, for the added mass of `fin_inertia`
-    k_2: np.ndarray
-    k_3: np.ndarray
+    q: FloatArray  # joint angle [rad]
+    q_dot: FloatArray
+    q_ddot: FloatArray
+    start_q: FloatArray  # at the beginning of the step
+    start_q_dot: FloatArray
+    total_q: FloatArray  # start and slopes of the stages so far
+    total_q_dot: FloatArray
+    c: FloatArray
+    s: FloatArray
+    h_y: FloatArray
+    h_z: FloatArray
+    d_inverse: FloatArray  # 1 / D
+    u: FloatArray  # tau - nu
+    g_y: FloatArray  # change of the acceleration along the link, without the joints' accelerations [1/s^2]
+    g_z: FloatArray
+    k_1: FloatArray  # torque per component of e, for the added mass of `fin_inertia`
+    k_2: FloatArray
+    k_3: FloatArray
     # used by one fin after the other
-    w: np.ndarray
-    y: np.ndarray
-    z: np.ndarray
-    y_dot: np.ndarray
-    z_dot: np.ndarray
-    torque: np.ndarray  # elastic and damping torque of the link's joint [N]
-    slope: np.ndarray
-    load: np.ndarray  # of the water along (slope, -s, c) [N/m]
-    mu: np.ndarray  # added mass over 1 + slope^2 [kg/m]
+    w: FloatArray
+    y: FloatArray
+    z: FloatArray
+    y_dot: FloatArray
+    z_dot: FloatArray
+    torque: FloatArray  # elastic and damping torque of the link's joint [N]
+    slope: FloatArray
+    load: FloatArray  # of the water along (slope, -s, c) [N/m]
+    mu: FloatArray  # added mass over 1 + slope^2 [kg/m]
 
 
 _KEPT = Links._fields.index('w')
@@ -59,65 +60,65 @@ _KEPT = Links._fields.index('w')
 class Chains(NamedTuple):
     """Working arrays of one fin, [chain]: what a pass hands from link to link, and what it leaves at the root."""
 
-    tip_c: np.ndarray
-    tip_s: np.ndarray
-    tip_w: np.ndarray
-    tip_y: np.ndarray
-    tip_z: np.ndarray
-    tip_y_dot: np.ndarray
-    tip_z_dot: np.ndarray
-    m_yy: np.ndarray  # M
-    m_yz: np.ndarray
-    m_zz: np.ndarray
-    p_y: np.ndarray  # p
-    p_z: np.ndarray
-    torque: np.ndarray  # of the joint at the root end [N]
-    a_y: np.ndarray  # acceleration of the hinge [m/s^2]
-    a_z: np.ndarray
-    w_dot: np.ndarray
-    b_y1: np.ndarray  # B, C and r of `fin_inertia`
-    b_y2: np.ndarray
-    b_y3: np.ndarray
-    b_z1: np.ndarray
-    b_z2: np.ndarray
-    b_z3: np.ndarray
-    c_11: np.ndarray
-    c_12: np.ndarray
-    c_13: np.ndarray
-    c_22: np.ndarray
-    c_23: np.ndarray
-    c_33: np.ndarray
-    r_1: np.ndarray
-    r_2: np.ndarray
-    r_3: np.ndarray
+    tip_c: FloatArray
+    tip_s: FloatArray
+    tip_w: FloatArray
+    tip_y: FloatArray
+    tip_z: FloatArray
+    tip_y_dot: FloatArray
+    tip_z_dot: FloatArray
+    m_yy: FloatArray  # M
+    m_yz: FloatArray
+    m_zz: FloatArray
+    p_y: FloatArray  # p
+    p_z: FloatArray
+    torque: FloatArray  # of the joint at the root end [N]
+    a_y: FloatArray  # acceleration of the hinge [m/s^2]
+    a_z: FloatArray
+    w_dot: FloatArray
+    b_y1: FloatArray  # B, C and r of `fin_inertia`
+    b_y2: FloatArray
+    b_y3: FloatArray
+    b_z1: FloatArray
+    b_z2: FloatArray
+    b_z3: FloatArray
+    c_11: FloatArray
+    c_12: FloatArray
+    c_13: FloatArray
+    c_22: FloatArray
+    c_23: FloatArray
+    c_33: FloatArray
+    r_1: FloatArray
+    r_2: FloatArray
+    r_3: FloatArray
 
 
 class BodyArrays(NamedTuple):
     """Working arrays of the monolithic coupling."""
 
-    state: np.ndarray  # (1, 13): position, orientation x, y, z, w of any norm, and twist
-    start: np.ndarray  # (1, 13), at the beginning of the step
-    total: np.ndarray  # (1, 13), start and slopes of the stages so far
-    slope: np.ndarray  # (1, 13), the time derivative of `state`
-    acceleration: np.ndarray  # (6,), of the twist's components
-    at_rest: np.ndarray  # (6,), zeros
-    matrix: np.ndarray  # (6, 6), of the six equations
-    product: np.ndarray  # (6, 6), scratch
-    inertia: np.ndarray  # (2, 6, 6) [fin], how the wrench of a fin falls with the body's acceleration, in F_b
-    wrench: np.ndarray  # (2, 6) [fin], the wrench of a fin when the body does not accelerate, in F_b
-    transform: np.ndarray  # (2, 6, 6) [fin], from the body's acceleration, mirrored, to the support's
-    support: np.ndarray  # (2, 6) [fin], the support's acceleration when the body does not accelerate, in F_0
-    omega: np.ndarray  # (2, 3) [fin], Omega_0
-    at_support: np.ndarray  # (6, 6), the inertia of a fin about A, in F_0
-    bias: np.ndarray  # (6,), of the same
+    state: FloatArray  # (1, 13): position, orientation x, y, z, w of any norm, and twist
+    start: FloatArray  # (1, 13), at the beginning of the step
+    total: FloatArray  # (1, 13), start and slopes of the stages so far
+    slope: FloatArray  # (1, 13), the time derivative of `state`
+    acceleration: FloatArray  # (6,), of the twist's components
+    at_rest: FloatArray  # (6,), zeros
+    matrix: FloatArray  # (6, 6), of the six equations
+    product: FloatArray  # (6, 6), scratch
+    inertia: FloatArray  # (2, 6, 6) [fin], how the wrench of a fin falls with the body's acceleration, in F_b
+    wrench: FloatArray  # (2, 6) [fin], the wrench of a fin when the body does not accelerate, in F_b
+    transform: FloatArray  # (2, 6, 6) [fin], from the body's acceleration, mirrored, to the support's
+    support: FloatArray  # (2, 6) [fin], the support's acceleration when the body does not accelerate, in F_0
+    omega: FloatArray  # (2, 3) [fin], Omega_0
+    at_support: FloatArray  # (6, 6), the inertia of a fin about A, in F_0
+    bias: FloatArray  # (6,), of the same
 
 
 class Workspace(NamedTuple):
     """The memory of a simulation's working arrays."""
 
-    kept: np.ndarray  # (2, k, links, row), the first k fields of `Links` for each fin
-    shared: np.ndarray  # (fields - k, links, row), the other fields
-    chains: np.ndarray  # (fields of `Chains`, row)
+    kept: FloatArray  # (2, k, links, row), the first k fields of `Links` for each fin
+    shared: FloatArray  # (fields - k, links, row), the other fields
+    chains: FloatArray  # (fields of `Chains`, row)
     body: BodyArrays
 
 
@@ -126,7 +127,7 @@ def row_length(chains: int) -> int:
     return -(-chains // LANES) * LANES
 
 
-def stations(chains: int, support_length: float) -> np.ndarray:
+def stations(chains: int, support_length: float) -> FloatArray:
     """Return where the chains stand on the support, s from A [m], midpoint rule, padded to `row_length(chains)`."""
     spacing = support_length / chains
     inside = support_length - (np.arange(chains) + 0.5) * spacing
@@ -147,7 +148,7 @@ def workspace(chains: int, links: int) -> Workspace:
     )
 
 
-def _aligned_zeros(shape: tuple[int, ...]) -> np.ndarray:
+def _aligned_zeros(shape: tuple[int, ...]) -> FloatArray:
     size, spare = int(np.prod(shape)), _ALIGNMENT // 8
     memory = np.zeros(size + spare)
     start = -memory.ctypes.data // 8 % spare
@@ -175,7 +176,7 @@ def chains_of(work: Workspace) -> Chains:
 
 
 @kernel
-def to_rows(joints: np.ndarray, rows: np.ndarray) -> None:
+def to_rows(joints: FloatArray, rows: FloatArray) -> None:
     """Lay (n, m) out as [link, chain]."""
     last = joints.shape[0] - 1
     for j in range(rows.shape[0]):
@@ -184,7 +185,7 @@ def to_rows(joints: np.ndarray, rows: np.ndarray) -> None:
 
 
 @kernel
-def from_rows(rows: np.ndarray, joints: np.ndarray) -> None:
+def from_rows(rows: FloatArray, joints: FloatArray) -> None:
     """Lay [link, chain] out as (n, m), without what pads a row."""
     for k in range(joints.shape[0]):
         for j in range(joints.shape[1]):

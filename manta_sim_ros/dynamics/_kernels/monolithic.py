@@ -35,14 +35,7 @@ from manta_sim_ros.dynamics._kernels.fin_inertia import (
     wrench_at_support,
 )
 from manta_sim_ros.dynamics._kernels.gait import Rod, advance_gait, rod_motion
-from manta_sim_ros.dynamics._kernels.geometry import (
-    Vector,
-    mirror_axial,
-    mirror_polar,
-    rotate_back,
-    subtract,
-    vector_at,
-)
+from manta_sim_ros.dynamics._kernels.geometry import mirror_axial, mirror_polar, rotate_back, subtract, vector_at
 from manta_sim_ros.dynamics._kernels.inputs import Inputs
 from manta_sim_ros.dynamics._kernels.layout import (
     BodyArrays,
@@ -77,6 +70,7 @@ from manta_sim_ros.dynamics._kernels.runge_kutta import (
     next_stage,
     next_stage_of_joints,
 )
+from manta_sim_ros.dynamics.quantity import Vector
 
 MIRROR = (1.0, -1.0, 1.0, -1.0, 1.0, -1.0)
 """Signs of the components of a twist or wrench in the mirror y = 0."""

@@ -11,6 +11,7 @@ from manta_sim_ros.dynamics._kernels.compilation import kernel
 from manta_sim_ros.dynamics._kernels.gait import Gait
 from manta_sim_ros.dynamics._kernels.geometry import Wrench, mirror_axial, mirror_polar
 from manta_sim_ros.dynamics._kernels.layout import Links, Workspace, from_rows, links_of, to_rows
+from manta_sim_ros.dynamics.quantity import FloatArray
 
 FIN_DIVERGED, BODY_DIVERGED, NO_SOLUTION = 1, 2, 3
 """How a step failed: a joint, the body, or the six equations for the body's acceleration."""
@@ -22,29 +23,29 @@ FASTEST = 1e3
 class Motion(NamedTuple):
     """The state of a simulation; fields as in `State`."""
 
-    position: np.ndarray  # (3,)
-    orientation: np.ndarray  # (4,), x, y, z, w
-    twist: np.ndarray  # (6,)
-    acceleration: np.ndarray  # (6,)
-    joint_angles: np.ndarray  # (2, n, m)
-    joint_rates: np.ndarray  # (2, n, m)
-    gait: np.ndarray  # (2, 5)
-    gait_rates: np.ndarray  # (2, 5)
-    gait_commands: np.ndarray  # (2, 5)
-    cycle_angles: np.ndarray  # (2,)
-    rod_angles: np.ndarray  # (2, 2)
-    fin_wrenches: np.ndarray  # (2, 6)
+    position: FloatArray  # (3,)
+    orientation: FloatArray  # (4,), x, y, z, w
+    twist: FloatArray  # (6,)
+    acceleration: FloatArray  # (6,)
+    joint_angles: FloatArray  # (2, n, m)
+    joint_rates: FloatArray  # (2, n, m)
+    gait: FloatArray  # (2, 5)
+    gait_rates: FloatArray  # (2, 5)
+    gait_commands: FloatArray  # (2, 5)
+    cycle_angles: FloatArray  # (2,)
+    rod_angles: FloatArray  # (2, 2)
+    fin_wrenches: FloatArray  # (2, 6)
 
 
 class FinState(NamedTuple):
     """What the accelerations of one fin depend on, and where they go; as in `fin_dynamics`."""
 
-    rods: np.ndarray  # (2, 3) front, rear; angle and its derivatives
-    joint_angles: np.ndarray  # (n, m)
-    joint_rates: np.ndarray  # (n, m)
-    body_twist: np.ndarray  # (6,)
-    body_acceleration: np.ndarray  # (6,)
-    joint_accelerations: np.ndarray  # (n, m), filled
+    rods: FloatArray  # (2, 3) front, rear; angle and its derivatives
+    joint_angles: FloatArray  # (n, m)
+    joint_rates: FloatArray  # (n, m)
+    body_twist: FloatArray  # (6,)
+    body_acceleration: FloatArray  # (6,)
+    joint_accelerations: FloatArray  # (n, m), filled
 
 
 class Outcome(NamedTuple):
@@ -81,7 +82,7 @@ def store_joints(work: Workspace, motion: Motion) -> None:
 
 
 @kernel
-def store_wrench(wrench: Wrench, side: int, wrenches: np.ndarray) -> None:
+def store_wrench(wrench: Wrench, side: int, wrenches: FloatArray) -> None:
     """Put the wrench of one fin, in the left fin's coordinates, into its row of an array (2, 6) in F_b."""
     force, moment = mirror_polar(wrench.force, side), mirror_axial(wrench.moment, side)
     for axis in range(3):

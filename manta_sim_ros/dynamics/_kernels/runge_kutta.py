@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from manta_sim_ros.dynamics._kernels.compilation import kernel
 from manta_sim_ros.dynamics._kernels.layout import Links
+from manta_sim_ros.dynamics.quantity import FloatArray
 
 STAGES = 4
 
@@ -18,7 +17,7 @@ _AHEAD = (0.5, 0.5, 1.0, 0.0)
 
 
 @kernel
-def begin(value: np.ndarray, start: np.ndarray, total: np.ndarray) -> None:
+def begin(value: FloatArray, start: FloatArray, total: FloatArray) -> None:
     """Begin a step of a value; all are (a, b)."""
     for j in range(value.shape[0]):
         for k in range(value.shape[1]):
@@ -27,7 +26,7 @@ def begin(value: np.ndarray, start: np.ndarray, total: np.ndarray) -> None:
 
 @kernel
 def next_stage(
-    value: np.ndarray, slope: np.ndarray, start: np.ndarray, total: np.ndarray, stage: int, time_step: float,
+    value: FloatArray, slope: FloatArray, start: FloatArray, total: FloatArray, stage: int, time_step: float,
 ) -> None:
     """Add the slope of a stage to the total, and follow it from the start to the next stage; all are (a, b)."""
     weight, ahead = _WEIGHTS[stage] * time_step, _AHEAD[stage] * time_step
@@ -38,7 +37,7 @@ def next_stage(
 
 
 @kernel
-def end(value: np.ndarray, total: np.ndarray) -> None:
+def end(value: FloatArray, total: FloatArray) -> None:
     """End a step: the value is the total of its stages; both are (a, b)."""
     for j in range(value.shape[0]):
         for k in range(value.shape[1]):

@@ -20,7 +20,6 @@ from manta_sim_ros.dynamics._kernels.fin import (
 from manta_sim_ros.dynamics._kernels.gait import Rod, advance_gait, rod_motion
 from manta_sim_ros.dynamics._kernels.geometry import (
     Rotation,
-    Vector,
     Wrench,
     add,
     integrate_quaternion,
@@ -53,6 +52,7 @@ from manta_sim_ros.dynamics._kernels.runge_kutta import (
     end_joints,
     next_stage_of_joints,
 )
+from manta_sim_ros.dynamics.quantity import Vector
 
 
 @kernel
