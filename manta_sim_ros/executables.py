@@ -1,6 +1,6 @@
-"""The executables: from their first moment on, Ctrl-C and SIGTERM end them without a traceback, nodes with status 0.
+"""The executables. Ctrl-C and SIGTERM end them at any time without a traceback, nodes with status 0.
 
-The imports take a second or two, in which an exception would end in the middle of anything.
+The handlers are set before the imports, which take a second or two.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from types import FrameType
 def sim_node() -> None:
     """Run the simulator."""
     _end_when_interrupted()
-    os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')  # its matrices are small: threads only wait for each other
+    os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')  # for small matrices, threads cost time
     from manta_sim_ros.nodes.sim_node import main
     main()
 
@@ -40,7 +40,7 @@ def paper_figures() -> None:
 
 
 def _end_when_interrupted(status: int = 0) -> None:
-    """Until `main` takes over: nothing has begun that would have to be ended."""
+    """End the process at once when it is interrupted, until `main` sets its handlers: nothing has begun yet."""
     def end(signum: int, frame: FrameType | None) -> None:
         os._exit(status)
 

@@ -1,4 +1,4 @@
-"""What the robot's sensors read: the truth of a state, with their biases and their noise."""
+"""The sensors of the robot: the exact values of a state, with a bias and noise."""
 
 from __future__ import annotations
 
@@ -8,21 +8,21 @@ from typing import ClassVar, NamedTuple
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from manta_sim_ros.dynamics import LARGEST_SEED, ParameterGroup, Parameters, State, Vector, quantity
+from manta_sim_ros.dynamics import LARGEST_SEED, FloatArray, ParameterGroup, Parameters, State, Vector, quantity
 
 MICROSECONDS = 1_000_000
-"""Readings less than that apart have the same noise [1/s]."""
+"""Resolution of the time on which the noise depends [1/s]."""
 
 IMU_STREAM, PRESSURE_STREAM = 1, 2
-"""Keep the noises of sensors with one seed apart."""
+"""Streams of random numbers: sensors with the same seed have independent noise."""
 
 
 @dataclasses.dataclass(frozen=True)
 class Imu(ParameterGroup):
     """An inertial measurement unit at the center of mass, its axes those of the body frame.
 
-    Noise is Gaussian, of zero mean and this standard deviation along each axis, independent from reading to reading;
-    a bias is added to each reading.
+    The noise is Gaussian with zero mean, and independent from axis to axis and from reading to reading. A bias is added
+    to each reading.
     """
 
     prefix: ClassVar[str] = 'imu.'
@@ -47,7 +47,7 @@ class Imu(ParameterGroup):
     )
     orientation_noise: float = quantity(
         0.01, unit='rad', low=0.0, high=1.0, live=True,
-        description='standard deviation of the angle by which the orientation is off about each axis',
+        description='standard deviation of the error of the orientation, as an angle about each axis',
         source='chosen: a small MEMS unit',
     )
     seed: int = quantity(
@@ -58,13 +58,13 @@ class Imu(ParameterGroup):
 
 @dataclasses.dataclass(frozen=True)
 class Pressure(ParameterGroup):
-    """A pressure sensor at the center of mass, Gaussian noise and a bias as those of `Imu`."""
+    """A pressure sensor at the center of mass, with Gaussian noise and a bias like those of `Imu`."""
 
     prefix: ClassVar[str] = 'pressure.'
 
     noise: float = quantity(
         20.0, unit='Pa', low=0.0, high=1e6, live=True,
-        description='standard deviation of the noise', source='chosen: 2 mm of water, as depth sensors resolve',
+        description='standard deviation of the noise', source='chosen: 2 mm of water, as for depth sensors',
     )
     bias: float = quantity(
         0.0, unit='Pa', low=-1e6, high=1e6, live=True,
@@ -76,7 +76,8 @@ class Pressure(ParameterGroup):
     )
     water_density: float = quantity(
         1000.0, unit='kg/m^3', low=0.0, high=1e5, live=True,
-        description='density that the pressure grows with; water.density is one of drag', source='fresh water',
+        description='density of the water for the hydrostatic pressure; water.density is only for the drag',
+        source='fresh water',
     )
     seed: int = quantity(
         0, low=0, high=LARGEST_SEED, live=True,
@@ -85,20 +86,20 @@ class Pressure(ParameterGroup):
 
 
 class ImuReading(NamedTuple):
-    """What an IMU reads at one time."""
+    """The readings of an IMU at one time."""
 
-    orientation: np.ndarray
+    orientation: FloatArray
     """(4,) unit quaternion x, y, z, w: body to world components."""
-    angular_velocity: np.ndarray
+    angular_velocity: FloatArray
     """(3,) body frame [rad/s]."""
-    specific_force: np.ndarray
+    specific_force: FloatArray
     """(3,) acceleration less gravity, body frame [m/s^2]: +g upward at rest."""
 
 
 def read_imu(imu: Imu, parameters: Parameters, state: State) -> ImuReading:
-    """Return what an IMU reads in a state; the noise depends on the seed and on the time only.
+    """Return the readings of an IMU in a state; the noise depends only on the seed and on the time.
 
-    Gravity is `body.gravity`. The acceleration is the state's.
+    Gravity is `body.gravity`, and the acceleration is that of the state.
     """
     noise = _noise(imu.seed, IMU_STREAM, state.time, 9)
     attitude = Rotation.from_quat(state.orientation)
@@ -113,16 +114,17 @@ def read_imu(imu: Imu, parameters: Parameters, state: State) -> ImuReading:
 
 
 def read_pressure(pressure: Pressure, parameters: Parameters, state: State) -> float:
-    """Return what a pressure sensor reads in a state [Pa], absolute; the noise depends on the seed and time only.
+    """Return the absolute pressure that a sensor reads in a state [Pa]; the noise depends only on seed and time.
 
-    Of water at rest below `water.surface_height`, with `body.gravity`; above the surface the pressure is the air's.
+    The water below `water.surface_height` is at rest under `body.gravity`; above the surface the pressure is that of
+    the air.
     """
     depth = max(0.0, parameters.water.surface_height - float(state.position[2]))
     true = pressure.atmospheric + pressure.water_density * parameters.body.gravity * depth
     return true + pressure.bias + pressure.noise * float(_noise(pressure.seed, PRESSURE_STREAM, state.time, 1)[0])
 
 
-def _noise(seed: int, stream: int, time: float, count: int) -> np.ndarray:
-    """Return `count` independent numbers of zero mean and standard deviation 1, those of a sensor at a time [s]."""
+def _noise(seed: int, stream: int, time: float, count: int) -> FloatArray:
+    """Return `count` independent random numbers of zero mean and standard deviation 1 for a sensor at a time [s]."""
     moment = round(time * MICROSECONDS) % 2**64
     return np.random.Generator(np.random.Philox(key=seed, counter=[0, 0, stream, moment])).standard_normal(count)

@@ -25,12 +25,12 @@ class Water(ParameterGroup):
 
     density: float = quantity(
         9800.0, unit='kg/m^3', low=0.0, high=1e5, live=True,
-        description='effective density of the drag of fins (12) and body (34); 0 takes the water away',
-        source='Table 1 as printed: ten times water, it gives the thrust that the prototype shows',
+        description='effective density for the drag of fins (12) and body (34); 0 removes the drag',
+        source='Table 1 as printed: ten times the density of water, it gives the thrust of the prototype',
     )
     current: Vector = quantity(
         (0.0, 0.0, 0.0), unit='m/s', low=-10.0, high=10.0, live=True,
-        description='mean velocity of the water, world frame [x, y, z]', source='still water in the paper',
+        description='mean velocity of the water, world frame [x, y, z]', source='the water is still in the paper',
     )
     current_deviation: Vector = quantity(
         (0.0, 0.0, 0.0), unit='m/s', low=0.0, high=10.0, live=True,
@@ -39,7 +39,7 @@ class Water(ParameterGroup):
     )
     current_correlation_time: float = quantity(
         10.0, unit='s', low=0.01, high=1e6, live=True,
-        description='time in which the deviation of the current forgets all but 1/e of itself',
+        description='time in which the autocorrelation of the deviation of the current falls to 1/e',
         source='a steady current in the paper',
     )
     current_seed: int = quantity(
@@ -49,7 +49,7 @@ class Water(ParameterGroup):
     surface_height: float = quantity(
         5.0, unit='m', low=-1e5, high=1e5, live=True,
         description='height of the surface of the water, world frame; depth is measured from it',
-        source='no surface in the paper; the origin is in the water',
+        source='the paper has no surface; the origin is in the water',
     )
     added_mass_coefficient: float = quantity(
         0.0, low=0.0, high=10.0,
@@ -59,7 +59,7 @@ class Water(ParameterGroup):
     )
     added_mass_density: float = quantity(
         1000.0, unit='kg/m^3', low=0.0, high=1e5,
-        description='density rho_a of the water that the fins set in motion, for their added mass',
+        description='density rho_a of the water in the added mass of the fins',
         source='fresh water',
     )
 
@@ -96,7 +96,7 @@ class Body(ParameterGroup):
     )
     gravity: float = quantity(
         9.81, unit='m/s^2', low=0.0, high=100.0,
-        description='gravity g; the body is neutrally buoyant, so it enters the buoyancy moment only',
+        description='gravity g; as the body is neutrally buoyant, it enters only the righting moment of the buoyancy',
         source='standard',
     )
 
@@ -125,7 +125,7 @@ class Rods(ParameterGroup):
     )
     command_time_constant: float = quantity(
         0.2, unit='s', low=0.0, high=60.0,
-        description='time constant of the command smoothing; 0 takes commands at once, as in the paper',
+        description='time constant of the smoothing of commands; 0 applies commands at once, as in the paper',
         source='chosen',
     )
 
@@ -168,7 +168,7 @@ class Fin(ParameterGroup):
     )
     joint_damping: float = quantity(
         0.1, unit='N s', low=0.0, high=1e4, live=True,
-        description='damping c of each joint, torque per angular rate and unit chord', source='Table 1, unit supplied',
+        description='damping c of each joint: torque per joint rate and unit chord', source='Table 1, unit supplied',
     )
     drag_coefficient: float = quantity(
         1.2, low=0.0, high=1e3, live=True,
@@ -176,7 +176,7 @@ class Fin(ParameterGroup):
     )
     density: float = quantity(
         1000.0, unit='kg/m^3', low=1.0, high=1e5,
-        description="density rho_f of the fin's material", source='that of fresh water',
+        description="density rho_f of the fin's material", source='the density of fresh water',
     )
 
 
@@ -188,7 +188,7 @@ class Solver(ParameterGroup):
 
     time_step: float = quantity(
         0.002, unit='s', low=1e-7, high=0.1,
-        description='time step', source="chosen: the paper's 0.01 s is past the stability limit with these values",
+        description='time step', source="chosen: the paper's 0.01 s is above the stability limit of these values",
     )
     fixed_base: bool = quantity(
         False,
@@ -196,7 +196,7 @@ class Solver(ParameterGroup):
     )
     coupling: str = quantity(
         SEQUENTIAL, choices=(SEQUENTIAL, MONOLITHIC),
-        description='coupling of fins and body: one after the other in each step, or solved together at every stage',
+        description='coupling of fins and body: one after the other in each step (staggered), or solved together',
         source="Section 4; monolithic is not the paper's",
     )
 

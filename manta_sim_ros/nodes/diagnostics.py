@@ -1,4 +1,4 @@
-"""What the node says of itself on /diagnostics, in words: pace, commands, disturbances, motion and time step."""
+"""The diagnostics of the node in words: pace, commands, disturbances, motion and time step."""
 
 from __future__ import annotations
 
@@ -9,61 +9,62 @@ from collections.abc import Mapping
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 
+from manta_sim_ros.dynamics import FloatArray
 from manta_sim_ros.nodes.refusals import Refused
 
 PACE_TOLERANCE = 0.95
-"""Part of the real-time factor asked for from which on the machine keeps up."""
+"""Share of the wanted real-time factor from which on the machine keeps up."""
 
 
 @dataclasses.dataclass(frozen=True)
 class Health:
-    """How the node is, and has been since the last time that this was asked. Times are simulated [s] unless said."""
+    """The condition of the node now, and since the last diagnostics. Times are simulated ones [s] unless stated."""
 
     time: float
     paused: bool
     wanted_factor: float
-    """Real-time factor that is asked for; 0 is as fast as it can."""
+    """The wanted real-time factor; 0 is as fast as possible."""
     reached_factor: float
-    """Real-time factor reached, NaN when paused."""
+    """The real-time factor reached, NaN when paused."""
     computing: float
-    """Elapsed time that a time step took [s], NaN when there was none."""
+    """Computing time of a time step, elapsed time [s], NaN when there was none."""
     command_age: float
-    """Since the last command that was taken, NaN when there was none."""
+    """Time since the last accepted command, NaN when there was none."""
     timed_out: bool
-    """Whether the fins glide to rest because that was too long ago."""
+    """Whether the amplitudes went to zero because that was too long ago."""
     refused: Mapping[str, Refused]
     """What was refused of each topic that the simulator subscribes to."""
-    current: np.ndarray
+    current: FloatArray
     """Present velocity (3,) of the water, world frame [m/s]."""
-    pushed: bool
+    external_wrench: bool
     """Whether a body_wrench acts."""
     diverged_lately: bool
     finite: bool
-    """Whether the whole state is."""
+    """Whether the whole state is finite."""
     time_step: float
     largest_step: float
-    """Largest stable time step of the present gait, an estimate."""
+    """Estimate of the largest stable time step of the present gait."""
 
     @property
     def keeps_up(self) -> bool:
-        """Whether simulated time runs as fast as it is asked to."""
+        """Whether simulated time runs as fast as wanted."""
         return self.paused or not self.reached_factor < PACE_TOLERANCE * self.wanted_factor
 
 
 def statuses(node: str, health: Health) -> list[DiagnosticStatus]:
-    """Return one status for each matter of a node, given by its full name."""
+    """Return the statuses of a node, which is given by its full name."""
     return [
-        _status(node, matter, *say(health))
-        for matter, say in (
+        _status(node, subject, *describe(health))
+        for subject, describe in (
             ('pace', _pace), ('commands', _commands), ('disturbances', _disturbances), ('motion', _motion),
             ('time step', _time_step))]
 
 
-Said = tuple[bytes, str, dict[str, str]]
+Description = tuple[bytes, str, dict[str, str]]
 """Level, message and values."""
 
 
-def _pace(health: Health) -> Said:
+def _pace(health: Health) -> Description:
     values = {
         'simulated time [s]': f'{health.time:.3f}', 'real-time factor': _number(health.reached_factor),
         'real-time factor asked for': f'{health.wanted_factor:g}',
@@ -78,7 +79,7 @@ def _pace(health: Health) -> Said:
     return DiagnosticStatus.OK, f'simulated time runs at {health.reached_factor:.2g} times real time', values
 
 
-def _commands(health: Health) -> Said:
+def _commands(health: Health) -> Description:
     values = {
         'age of the last fin_command [s]': _number(health.command_age),
         'refused': str(health.refused['fin_command'].total),
@@ -89,25 +90,25 @@ def _commands(health: Health) -> Said:
         return DiagnosticStatus.WARN, refused, values
     if health.timed_out:
         return DiagnosticStatus.WARN, (
-            f'no fin_command for {health.command_age:.3g} s: the amplitudes went to zero, publish a new command'
+            f'no fin_command for {health.command_age:.3g} s: the fins glide to rest, publish a new command'
         ), values
     if math.isnan(health.command_age):
         return DiagnosticStatus.OK, 'no fin_command yet: the fins are at rest', values
     return DiagnosticStatus.OK, f'the last fin_command came {health.command_age:.3g} s ago', values
 
 
-def _disturbances(health: Health) -> Said:
+def _disturbances(health: Health) -> Description:
     speed = float(np.linalg.norm(health.current))
     values = {
         'current [m/s]': ' '.join(f'{component:.3g}' for component in health.current),
-        'body_wrench acts': str(health.pushed).lower(),
+        'body_wrench acts': str(health.external_wrench).lower(),
         'disturbances refused': str(sum(health.refused[topic].total for topic in ('current', 'body_wrench'))),
     }
     refused = _refused_lately(health, 'current', 'body_wrench')
     if refused:
         return DiagnosticStatus.WARN, refused, values
     water = f'the water flows at {speed:.2g} m/s' if speed > 0.0 else 'the water is still'
-    wrench = 'a body_wrench acts' if health.pushed else 'no external wrench acts'
+    wrench = 'a body_wrench acts' if health.external_wrench else 'no external wrench acts'
     return DiagnosticStatus.OK, f'{water}, {wrench}', values
 
 
@@ -118,16 +119,16 @@ def _refused_lately(health: Health, *topics: str) -> str:
         f'{refused.lately} {topic} refused just now: {refused.reason}' for topic, refused in lately.items())
 
 
-def _motion(health: Health) -> Said:
+def _motion(health: Health) -> Description:
     values = {'finite': str(health.finite).lower()}
     if health.diverged_lately or not health.finite:
         return DiagnosticStatus.ERROR, (
-            'the motion diverged and the robot was put at rest: command it anew, with a smaller solver.time_step'
+            'the motion diverged and the robot was put at rest: use a smaller solver.time_step, and command it again'
         ), values
-    return DiagnosticStatus.OK, 'position, velocity and fins are sound', values
+    return DiagnosticStatus.OK, 'position, velocity and fins are finite', values
 
 
-def _time_step(health: Health) -> Said:
+def _time_step(health: Health) -> Description:
     values = {'solver.time_step [s]': f'{health.time_step:g}', 'largest stable [s]': f'{health.largest_step:.2g}'}
     if health.time_step > health.largest_step:
         return DiagnosticStatus.WARN, (
@@ -140,7 +141,7 @@ def _number(value: float) -> str:
     return '-' if math.isnan(value) else f'{value:.3g}'
 
 
-def _status(node: str, matter: str, level: bytes, message: str, values: dict[str, str]) -> DiagnosticStatus:
+def _status(node: str, subject: str, level: bytes, message: str, values: dict[str, str]) -> DiagnosticStatus:
     return DiagnosticStatus(
-        level=level, name=f'{node}: {matter}', message=message, hardware_id=node,
+        level=level, name=f'{node}: {subject}', message=message, hardware_id=node,
         values=[KeyValue(key=key, value=value) for key, value in values.items()])

@@ -20,11 +20,11 @@ class Disturbances:
     Parameters
     ----------
     node
-        Whose topics they are.
+        The node that subscribes.
     robot
-        What they act upon.
+        The robot on which they act.
     settings
-        Gives the node's present parameters.
+        Returns the present parameters of the node.
 
     """
 
@@ -45,12 +45,12 @@ class Disturbances:
         """Let the water flow with `water.current` again, end the wrench, and drop messages that are not taken yet."""
         for topic in self._topics:
             drain(topic)
-        self._robot.flow(None)
-        self._robot.release()
+        self._robot.set_current(None)
+        self._robot.end_external_wrench()
 
     def _take_current(self, message: Vector3Stamped) -> None:
         try:
-            self._robot.flow(messages.current_of(message, self._settings().node.odom_frame))
+            self._robot.set_current(messages.current_of(message, self._settings().node.odom_frame))
         except ValueError as error:
             self.refusals['current'].add(error)
 
@@ -62,6 +62,6 @@ class Disturbances:
             self.refusals['body_wrench'].add(error)
             return
         if frame == own.base_frame:
-            self._robot.push(body_wrench=wrench)
+            self._robot.set_external_wrench(body_wrench=wrench)
         else:
-            self._robot.push(world_wrench=wrench)
+            self._robot.set_external_wrench(world_wrench=wrench)

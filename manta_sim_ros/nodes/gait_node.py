@@ -1,6 +1,6 @@
-"""The node `manta_gait`: the simplest controller, a list of gaits that it publishes to `fin_command` one after another.
+"""The node `manta_gait`: the simplest controller. It publishes a list of gaits on `fin_command`, one after the other.
 
-Copy it to start a controller of your own: what it needs of the robot is one topic.
+Copy it to start a controller: one topic connects it with the robot.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ GAIT_LISTS = {  # in the order of a fin_command message; defaults: straight, the
 
 
 def gait_at(elapsed: float, durations: list[float], repeat: bool) -> int:
-    """Return the index of the gait `elapsed` [s] after the first began; the last one stays unless `repeat`."""
+    """Return the index of the gait at `elapsed` [s] after the first one began; without `repeat` the last one stays."""
     if repeat:
         elapsed %= sum(durations)
     for index, duration in enumerate(durations):
@@ -42,21 +42,21 @@ def gait_at(elapsed: float, durations: list[float], repeat: bool) -> int:
 
 
 class GaitNode(Node):
-    """Publishes the gait whose turn it is, again and again, so that a simulator that starts later gets it too.
+    """Publishes the present gait periodically, so that a simulator that starts later receives it, too.
 
     Raises
     ------
     ValueError
-        A parameter is bad.
+        A parameter has a bad value.
 
     """
 
     def __init__(self) -> None:
         super().__init__('manta_gait', automatically_declare_parameters_from_overrides=True)
-        self._durations = declare_value(self, 'durations', [15.0, 15.0], 'how long each gait lasts [s]')
+        self._durations = declare_value(self, 'durations', [15.0, 15.0], 'duration of each gait [s]')
         if not self._durations or not all(0.0 < duration < math.inf for duration in self._durations):
             raise ValueError(f'durations are {self._durations}, but must be at least one, each greater than 0 s')
-        self._repeat = declare_value(self, 'repeat', True, 'begin anew after the last gait; else the last one stays')
+        self._repeat = declare_value(self, 'repeat', True, 'start again after the last gait; else the last one stays')
         rate = declare_value(self, 'publish_rate', 10.0, 'rate of fin_command [Hz]')
         if not 0.1 <= rate <= 200.0:
             raise ValueError(f'publish_rate is {rate} Hz, but must be from 0.1 to 200 Hz')
@@ -70,7 +70,7 @@ class GaitNode(Node):
         count = len(self._durations)
         columns = []
         for name, (default, description) in GAIT_LISTS.items():
-            values = list(declare_value(self, name, default, f'{description}, one for all gaits or one each'))
+            values = list(declare_value(self, name, default, f'{description}, one for all gaits or one for each'))
             if len(values) not in (1, count):
                 raise ValueError(f'{name} has {len(values)} values, but must have 1, or {count} as durations has')
             values = values * count if len(values) == 1 else values
@@ -85,7 +85,7 @@ class GaitNode(Node):
 
     def _publish(self) -> None:
         now = self.get_clock().now().nanoseconds * 1e-9
-        if self._began is None or now < self._began:  # a simulator that was started again counts from zero
+        if self._began is None or now < self._began:  # the simulator was restarted
             self._began = now
         self._publisher.publish(
             Float64MultiArray(data=self._commands[gait_at(now - self._began, self._durations, self._repeat)]))

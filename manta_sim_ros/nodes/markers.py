@@ -1,4 +1,4 @@
-"""The robot for the eye, as RViz draws it: body, fins colored by their load, wrenches of the fins, path."""
+"""The robot as markers for RViz: body, fins colored by their load, wrenches of the fins, and path."""
 
 from __future__ import annotations
 
@@ -15,20 +15,20 @@ from std_msgs.msg import ColorRGBA, Header
 from visualization_msgs.msg import Marker, MarkerArray
 
 from manta_sim_ros.body_shape import SECTIONS, body_surface
-from manta_sim_ros.dynamics import SIDES, Parameters, State, fin_loads, fin_surfaces
+from manta_sim_ros.dynamics import SIDES, FloatArray, Parameters, State, fin_loads, fin_surfaces
 
 LIFETIME = 2
-"""How long a marker stays when no message follows [s], on the clock of who draws it."""
+"""Time after which a marker disappears if no message follows [s], on the clock of the viewer."""
 
 FULL_LOAD = 300.0
-"""Load at the ends of the color scale [Pa]: the gait 0.7 rad, 0.6 Hz, 0.7 rad exceeds it on 2 % of its links."""
+"""Load at the ends of the color scale [Pa]: in the gait 0.7 rad, 0.6 Hz, 0.7 rad, 2 % of the links exceed it."""
 LOAD_COLORS = (
     '364B9A', '4A7BB7', '6EA6CD', '98CAE1', 'C2E4EF', 'EAECCC', 'FEDA8B', 'FDB366', 'F67E4B', 'DD3D2D', 'A50026',
 )
-"""From water that pushes down, blue, by none to water that pushes up, red: the diverging scheme 'sunset', for all kinds
-of color vision and made to be interpolated. P. Tol, Color Schemes, SRON/EPS/TN/09-002."""
+"""From a load downward (blue) to a load upward (red): the diverging scheme 'sunset', which is for all kinds of color
+vision and can be interpolated. P. Tol, Colour Schemes, SRON/EPS/TN/09-002."""
 LEVELS = 101
-"""Colors that the scale is divided into, an odd number so that one is of no load."""
+"""Number of colors of the scale, odd so that one of them is for no load."""
 
 BODY_COLOR, PANEL_COLOR, PATH_COLOR = '475C73', 'A8B5C2', 'BBBBBB'
 FORCE_COLOR, MOMENT_COLOR = '009988', 'EE3377'
@@ -40,7 +40,7 @@ MOMENT_SCALE = 0.04
 ARROW_SIZE = 0.015, 0.04, 0.06
 """Diameter of the shaft, diameter and length of the head [m]."""
 SHORTEST_ARROW = 0.001
-"""An arrow below this length [m] is not drawn: it has no direction to show."""
+"""An arrow below this length [m] is not drawn, as its direction would not be visible."""
 
 PATH_WIDTH = 0.01
 """Width of the line [m]."""
@@ -48,51 +48,51 @@ PATH_SPACING = 0.05
 """Least distance of two points of the path [m]."""
 
 BODY_POINTS = 13
-"""Points around each section of the body, the last on the first."""
+"""Points around each cross section of the body; the last one is the first one."""
 
 
 class Markers:
     """Makes the markers of one robot, and keeps its path.
 
-    Namespaces and ids are the same in every message, so that each marker replaces the one before: `body`; `left_fin`
-    and `right_fin`, with the links (0) and the panel from the motors to the support (1); `force` and `moment`, of the
-    left fin (0) and the right one (1); `path`. An arrow or a path of no length is deleted. All are locked to their
-    frames: they follow the transform until the next message.
+    Namespaces and ids are the same in every message, so that each marker replaces the last one: `body`; `left_fin` and
+    `right_fin`, with the links (0) and the panel from the motors to the support (1); `force` and `moment`, of the left
+    fin (0) and the right one (1); and `path`. An arrow or a path without length is deleted. All markers are locked to
+    their frames: they follow the transform until the next message.
 
     Parameters
     ----------
     path_length
-        Length of the path that is kept [m], the latest part.
+        Length of the path that is kept [m]: its last part.
 
     """
 
     def __init__(self, path_length: float) -> None:
         self._path_length = path_length
-        self._path: deque[tuple[float, Point]] = deque()  # how far it had swum there [m], and where
+        self._path: deque[tuple[float, Point]] = deque()  # distance along the path [m], and position
 
     def forget(self) -> None:
-        """Begin a new path: the robot was put elsewhere."""
+        """Begin a new path, as the robot was put at another place."""
         self._path.clear()
 
     def message(
         self, state: State, model: Parameters, base: Header, odom: Header,
-        current: Sequence[float] | np.ndarray | None = None,
+        current: Sequence[float] | FloatArray | None = None,
     ) -> MarkerArray:
         """Return all markers of a state, and add its position to the path.
 
-        Arrows are of the wrenches as published, the moment about the center of mass; they begin in the middle of each
-        fin's support.
+        The arrows show the published wrenches, with the moment about the center of mass; they begin in the middle of
+        the support of each fin.
 
         Parameters
         ----------
         state
-            What to draw.
+            The state to draw.
         model
-            Sizes, and what the load depends on.
+            The parameters of the model.
         base, odom
             Headers in the body frame and in the world frame.
         current
-            (3,) mean velocity of the water, world frame [m/s]; default `water.current`.
+            (3,) mean velocity of the water, world frame [m/s]; by default `water.current`.
 
         """
         nodes = fin_surfaces(model, state.rod_angles, state.joint_angles)
@@ -110,21 +110,21 @@ class Markers:
         return MarkerArray(markers=markers)
 
     def _extended_path(self, here: Point) -> list[Point]:
-        """Return the points of the path to where the robot is, and keep that one if it is far from the last."""
+        """Return the points of the path up to the position `here`, which is kept if it is far enough from the last."""
         before, last = self._path[-1] if self._path else (0.0, here)
-        swum = before + math.dist((here.x, here.y, here.z), (last.x, last.y, last.z))
-        if not self._path or swum - before >= PATH_SPACING:
-            self._path.append((swum, here))
-        while self._path and swum - self._path[0][0] > self._path_length:
+        distance = before + math.dist((here.x, here.y, here.z), (last.x, last.y, last.z))
+        if not self._path or distance - before >= PATH_SPACING:
+            self._path.append((distance, here))
+        while self._path and distance - self._path[0][0] > self._path_length:
             self._path.popleft()
         points = [point for _, point in self._path]
-        return points if self._path and self._path[-1][0] == swum else [*points, here]
+        return points if self._path and self._path[-1][0] == distance else [*points, here]
 
 
 def _marker(
     ns: str, number: int, header: Header, kind: int, color: str, scale: Sequence[float], **shape: Any,
 ) -> Marker:
-    """Return a marker; `color` is red, green and blue in two hexadecimal digits each."""
+    """Return a marker; `color` is red, green and blue with two hexadecimal digits each."""
     x, y, z = scale
     return Marker(
         header=header, ns=ns, id=number, type=kind, action=Marker.ADD, frame_locked=True,
@@ -139,8 +139,8 @@ def _triangles(ns: str, number: int, header: Header, color: str, corners: list[P
     return _marker(ns, number, header, Marker.TRIANGLE_LIST, color, (1.0, 1.0, 1.0), points=corners, **shape)
 
 
-def _fin(ns: str, header: Header, side: int, nodes: np.ndarray, loads: np.ndarray) -> Marker:
-    """Return the links of one fin, each as wide as to its neighbors, in the colors of their loads.
+def _fin(ns: str, header: Header, side: int, nodes: FloatArray, loads: FloatArray) -> Marker:
+    """Return the surface of one fin between its chains, in the colors of the loads.
 
     `nodes` (n, m + 1, 3) [m], `loads` (n, m) [Pa]. Along a chain the color changes at the joints; from chain to chain
     it is interpolated.
@@ -154,8 +154,8 @@ def _fin(ns: str, header: Header, side: int, nodes: np.ndarray, loads: np.ndarra
         ns, 0, header, PANEL_COLOR, [points[corner] for corner in corners], colors=[colors[link] for link in of_links])
 
 
-def _panel(model: Parameters, side: int, nodes: np.ndarray) -> list[Point]:
-    """Return the two triangles between the motors and the support of one fin, the first chain's root to the last's."""
+def _panel(model: Parameters, side: int, nodes: FloatArray) -> list[Point]:
+    """Return the two triangles between the motors and the support of one fin, from the first root to the last."""
     roots = nodes[[0, -1], 0]
     _, y, z = model.rods.rear_motor_position
     motors = np.column_stack([roots[:, 0], np.full(2, -y if side == 1 else y), np.full(2, z)])
@@ -163,7 +163,7 @@ def _panel(model: Parameters, side: int, nodes: np.ndarray) -> list[Point]:
     return [points[corner] for corner in _corners(2, 2, flipped=side == 0)[0]]
 
 
-def _arrow(ns: str, side: int, header: Header, color: str, start: np.ndarray, vector: np.ndarray) -> Marker:
+def _arrow(ns: str, side: int, header: Header, color: str, start: FloatArray, vector: FloatArray) -> Marker:
     if not np.linalg.norm(vector) >= SHORTEST_ARROW:
         return _deletion(ns, side, header)
     return _marker(ns, side, header, Marker.ARROW, color, ARROW_SIZE, points=_points(np.stack([start, start + vector])))
@@ -175,7 +175,7 @@ def _line(ns: str, header: Header, color: str, points: list[Point]) -> Marker:
     return _marker(ns, 0, header, Marker.LINE_STRIP, color, (PATH_WIDTH, 0.0, 0.0), points=points)
 
 
-def _points(array: np.ndarray) -> list[Point]:
+def _points(array: FloatArray) -> list[Point]:
     return [Point(x=x, y=y, z=z) for x, y, z in array.reshape(-1, 3).tolist()]
 
 
@@ -186,7 +186,7 @@ def _color(digits: str) -> ColorRGBA:
 
 @functools.cache
 def _load_scale() -> list[ColorRGBA]:
-    """Return the colors of loads from -FULL_LOAD to FULL_LOAD in equal steps, made once: many vertices share each."""
+    """Return the colors of loads from -FULL_LOAD to FULL_LOAD in equal steps; many vertices share each of them."""
     given = [_color(digits) for digits in LOAD_COLORS]
     at = np.linspace(0.0, len(given) - 1.0, LEVELS)
     red, green, blue = (
@@ -196,7 +196,7 @@ def _load_scale() -> list[ColorRGBA]:
 
 @functools.cache
 def _body() -> list[Point]:
-    """Return the triangles of the body, made once."""
+    """Return the triangles of the body."""
     points = body_surface(SECTIONS, BODY_POINTS).reshape(-1, 3)
     faces = points[_corners(len(SECTIONS), BODY_POINTS, flipped=False)[0]].reshape(-1, 3, 3)
     areas = np.linalg.norm(np.cross(faces[:, 1] - faces[:, 0], faces[:, 2] - faces[:, 0]), axis=-1)
@@ -207,8 +207,8 @@ def _body() -> list[Point]:
 def _corners(rows: int, columns: int, flipped: bool) -> tuple[list[int], list[int]]:
     """Return the corners of two triangles for each quadrilateral of a grid, as indices into its points, row by row.
 
-    And for each corner the index of what belongs to its row between two columns, (rows, columns - 1). RViz lights the
-    side that a triangle's normal points to: rows x columns, or the other side when `flipped`.
+    The second list has, for each corner, the index of its link in an array (rows, columns - 1). RViz lights the side to
+    which the normal of a triangle points: the direction rows x columns, or the opposite one when `flipped`.
     """
     row, column = np.mgrid[:rows - 1, :columns - 1][..., None]
     of_row = np.concatenate([row, row + 1, row + 1, row, row + 1, row], axis=-1)

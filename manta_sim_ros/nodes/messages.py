@@ -1,4 +1,4 @@
-"""From a state to ROS messages and back to what messages ask for: pure functions, and the one place that stamps."""
+"""From a state to ROS messages, and from messages to commands: pure functions, and the one place that stamps."""
 
 from __future__ import annotations
 
@@ -27,7 +27,16 @@ from sensor_msgs.msg import FluidPressure, Imu, JointState
 from std_msgs.msg import Header
 
 from manta_sim_ros import sensors
-from manta_sim_ros.dynamics import SIDES, FinCommand, Parameters, State, rod_rates, support_angles, support_rates
+from manta_sim_ros.dynamics import (
+    SIDES,
+    FinCommand,
+    FloatArray,
+    Parameters,
+    State,
+    rod_rates,
+    support_angles,
+    support_rates,
+)
 from manta_sim_ros.nodes.settings import FARTHEST
 
 NANOSECONDS = 1_000_000_000
@@ -35,9 +44,9 @@ NANOSECONDS = 1_000_000_000
 FASTEST_CURRENT = Parameters.quantities()['water.current'].high
 """Bound of each component of a current [m/s]."""
 LARGEST_FORCE, LARGEST_MOMENT = 1e6, 1e6
-"""Bounds of each component of a wrench on the body [N, N m]: beyond what moves ships."""
+"""Bounds of each component of a wrench on the body [N, N m]: far above any load of a robot."""
 UNIT_TOLERANCE = 0.01
-"""How far the norm of an orientation may be from 1: of digits that were typed, not of a forgotten part."""
+"""Largest difference of the norm of an orientation from 1: the rounding of typed digits."""
 
 COMMAND_VALUES = 'amplitude_l, amplitude_r, frequency_l, frequency_r, phase_l, phase_r'
 BIAS_VALUES = 'front_bias_l, front_bias_r, rear_bias_l, rear_bias_r'
@@ -50,12 +59,12 @@ def time_message(seconds: float) -> Time:
 
 
 def clock_message(stamp: Time) -> Clock:
-    """Return the clock that announces a stamp."""
+    """Return the clock message of a stamp."""
     return Clock(clock=stamp)
 
 
 def header(stamp: Time, frame: str) -> Header:
-    """Return the header of a message: its stamp and the name of its frame."""
+    """Return the header of a message with a stamp and the name of its frame."""
     return Header(stamp=stamp, frame_id=frame)
 
 
@@ -74,21 +83,21 @@ def twist_message(state: State, base: Header) -> TwistStamped:
 
 
 def odometry_message(pose: PoseStamped, twist: TwistStamped) -> Odometry:
-    """Return pose and twist in one message. Ground truth: all covariances are zero."""
+    """Return pose and twist in one message. It is the ground truth: all covariances are zero."""
     odometry = Odometry(header=pose.header, child_frame_id=twist.header.frame_id)
     odometry.pose.pose = pose.pose
     odometry.twist.twist = twist.twist
     return odometry
 
 
-def wrench_message(wrench: np.ndarray, base: Header) -> WrenchStamped:
+def wrench_message(wrench: FloatArray, base: Header) -> WrenchStamped:
     """Return a wrench (6,) on the body about the origin of its frame, components in that frame."""
     values = wrench.tolist()
     return WrenchStamped(header=base, wrench=Wrench(force=_vector(values[:3]), torque=_vector(values[3:])))
 
 
 def transform_message(pose: PoseStamped, base_frame: str) -> TransformStamped:
-    """Return a pose of the body as the transform from its frame to the body's."""
+    """Return a pose of the body as the transform from the frame of the pose to that of the body."""
     at = pose.pose.position
     return TransformStamped(
         header=pose.header, child_frame_id=base_frame,
@@ -96,7 +105,7 @@ def transform_message(pose: PoseStamped, base_frame: str) -> TransformStamped:
 
 
 def imu_message(reading: sensors.ImuReading, imu: sensors.Imu, base: Header) -> Imu:
-    """Return what the IMU reads, REP 145; the covariances are those of its noise."""
+    """Return the readings of the IMU, REP 145; the covariances are those of its noise."""
     x, y, z, w = reading.orientation.tolist()
     return Imu(
         header=base,
@@ -117,7 +126,7 @@ def pressure_message(pressure: float, noise: float, base: Header) -> FluidPressu
 def joint_names(parameters: Parameters, fins: bool) -> list[str]:
     """Return the names of the joints in the order of `joint_state_message`.
 
-    The four rods; with `fins` then the supports' two angles, and each chain's joints from its root on.
+    The four rods; with `fins`, then the two angles of each support, and the joints of each chain from its root on.
     """
     names = [f'{side}_{rod}_rod' for side in SIDES for rod in ('front', 'rear')]
     if fins:
@@ -130,13 +139,13 @@ def joint_names(parameters: Parameters, fins: bool) -> list[str]:
 def joint_state_message(state: State, parameters: Parameters, names: list[str], header: Header) -> JointState:
     """Return angles [rad] and rates [rad/s] of the joints with these `joint_names`, positive upward on both sides.
 
-    The supports' are those of F_0 about z and then y of the body frame; the right fin's are of its mirror image.
+    The angles of a support are those of F_0 about z and then y of the body frame, on the right of its mirror image.
     """
-    of_rods = rod_rates(parameters.rods, state)
-    angles, rates = [state.rod_angles], [of_rods]
+    rates_of_rods = rod_rates(parameters.rods, state)
+    angles, rates = [state.rod_angles], [rates_of_rods]
     if len(names) > state.rod_angles.size:
         angles += [np.stack(support_angles(parameters, state.rod_angles), axis=-1), state.joint_angles]
-        rates += [np.stack(support_rates(parameters, state.rod_angles, of_rods), axis=-1), state.joint_rates]
+        rates += [np.stack(support_rates(parameters, state.rod_angles, rates_of_rods), axis=-1), state.joint_rates]
     position, velocity = (np.concatenate([part.ravel() for part in parts]).tolist() for parts in (angles, rates))
     return JointState(header=header, name=names, position=position, velocity=velocity)
 
@@ -147,7 +156,7 @@ def fin_commands(values: Sequence[float]) -> tuple[FinCommand, FinCommand]:
     Raises
     ------
     ValueError
-        There are not six or ten values, or one is not finite or out of its bounds; names it and the bound.
+        There are neither six nor ten values, or a value is not finite or out of its bounds; names it and the bound.
 
     """
     if len(values) not in (6, 10):
@@ -168,14 +177,14 @@ def pose_of(message: PoseStamped, odom_frame: str) -> tuple[list[float], list[fl
     Raises
     ------
     ValueError
-        The pose is in another frame, a value is not finite or out of its bounds, or the orientation is no unit
+        The pose is in another frame, a value is not finite or out of its bounds, or the orientation is not a unit
         quaternion; names it and the bound.
 
     """
     _check_frame(message.header, odom_frame)
-    turned = message.pose.orientation
+    given = message.pose.orientation
     position = _checked('pose.position', message.pose.position, FARTHEST, 'm')
-    orientation = [turned.x, turned.y, turned.z, turned.w]
+    orientation = [given.x, given.y, given.z, given.w]
     norm = math.hypot(*orientation)
     if not abs(norm - 1.0) <= UNIT_TOLERANCE:
         raise ValueError(
@@ -189,7 +198,7 @@ def current_of(message: Vector3Stamped, odom_frame: str) -> list[float]:
     Raises
     ------
     ValueError
-        It is in another frame, or a value is not finite or out of its bounds; names it and the bound.
+        The message is in another frame, or a value is not finite or out of its bounds; names it and the bound.
 
     """
     _check_frame(message.header, odom_frame)
@@ -197,12 +206,12 @@ def current_of(message: Vector3Stamped, odom_frame: str) -> list[float]:
 
 
 def wrench_of(message: WrenchStamped, base_frame: str, odom_frame: str) -> tuple[str, list[float]]:
-    """Return the frame and the values (6,) [N, N m] of a wrench on the body, about the origin of its frame.
+    """Return the frame and the values (6,) [N, N m] of a wrench on the body about its center of mass.
 
     Raises
     ------
     ValueError
-        It is in another frame than these two, or a value is not finite or out of its bounds; names it and the bound.
+        The wrench is in another frame, or a value is not finite or out of its bounds; names it and the bound.
 
     """
     _check_frame(message.header, base_frame, odom_frame)

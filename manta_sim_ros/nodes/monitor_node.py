@@ -1,4 +1,4 @@
-"""The node `manta_monitor`: prints one line a second about the robot, from the topic `odom` alone."""
+"""The node `manta_monitor`: prints one line per second about the robot, from the topic `odom`."""
 
 from __future__ import annotations
 
@@ -38,14 +38,14 @@ class MonitorNode(Node):
     Raises
     ------
     ValueError
-        A parameter is bad.
+        A parameter has a bad value.
 
     """
 
     def __init__(self) -> None:
         super().__init__('manta_monitor', automatically_declare_parameters_from_overrides=True)
         self._duration: float = declare_value(
-            self, 'duration', 0.0, 'elapsed time after the first message at which the node ends [s]; 0 never')
+            self, 'duration', 0.0, 'elapsed time after the first message at which the node ends [s]; 0 for never')
         if not 0.0 <= self._duration < math.inf:
             raise ValueError(f'duration is {self._duration} s, but must be finite and at least 0')
         self._speeds: list[float] = []
@@ -82,7 +82,7 @@ class MonitorNode(Node):
         self._speeds.clear()
         self._line_before = now, simulated
         if self._duration > 0.0 and now - self._began >= self._duration - 0.5 * LINE_PERIOD:
-            raise KeyboardInterrupt  # as if it had been pressed
+            raise KeyboardInterrupt  # as for Ctrl-C
 
 
 def main(args: list[str] | None = None) -> None:

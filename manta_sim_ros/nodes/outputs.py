@@ -1,4 +1,4 @@
-"""What the node says of a state: all outputs carry one stamp, and the clock that announces them goes last."""
+"""The outputs of the node: all messages of a state have one stamp, and the clock is published last."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ from manta_sim_ros.nodes.settings import Settings
 from manta_sim_ros.sensors import read_imu, read_pressure
 
 PATH_LENGTH = 20.0
-"""Of the path that is shown [m]: some minutes of swimming."""
+"""Length of the path in the markers [m]: some minutes of swimming."""
 
 PATIENCE = 5.0
-"""With subscribers that take nothing [s]."""
+"""Longest wait for subscribers that do not take their messages [s]."""
 
-ROUNDING = 1e-6  # of the outputs due, far above that of a time and far below a time step
+ROUNDING = 1e-6  # tolerance of a number of periods: far above the rounding of a time and far below a time step
 
 
 class Outputs:
@@ -35,11 +35,11 @@ class Outputs:
     Parameters
     ----------
     node
-        Whose topics they are.
+        The node that publishes.
     settings
-        Gives the node's present parameters.
+        Returns the present parameters of the node.
     mean_current
-        Gives the mean velocity (3,) of the water, world frame [m/s].
+        Returns the mean velocity (3,) of the water, world frame [m/s].
 
     """
 
@@ -62,12 +62,12 @@ class Outputs:
         self._publishers = [
             self._pose, self._twist, self._odometry, self._wrench, *self._fin_wrenches, self._imu, self._pressure,
             self._joint_states, self._fin_markers, *filter(None, [self._transforms, self._clock])]
-        self._transformed_at: Time | None = None  # tf2 takes no second one of a time, as a slow clock of others has
+        self._transformed_at: Time | None = None  # tf2 takes one transform per stamp, and a slow /clock repeats stamps
         self._before: State | None = None
 
     @property
     def lacks_transform(self) -> bool:
-        """Whether the transform is wanted, but tf2_msgs is not installed."""
+        """Whether the transform cannot be published because tf2_msgs is not installed."""
         return self._transforms is None and self._settings().node.publish_tf
 
     @property
@@ -76,16 +76,16 @@ class Outputs:
         return self._clock is not None and self._node.count_publishers(self._clock.topic_name) > 1
 
     def stamp(self, state: State) -> Time:
-        """Return the stamp of a state: simulated time, or without /clock the node's own."""
+        """Return the stamp of a state: simulated time, or without /clock the time of the node."""
         if self._clock is not None:
             return messages.time_message(state.time)
         return self._node.get_clock().now().to_msg()
 
     def publish_all(self, states: Iterable[State]) -> None:
-        """Publish the outputs of states that follow each other at once, without losing any on the way.
+        """Publish the outputs of consecutive states at once, without losing a message.
 
-        Each time that the queues of `QUEUE_DEPTH` are full it waits until the reliable subscribers have what is in them
-        in their own queues. If that once takes longer than `PATIENCE`, nobody is waited for any more.
+        Whenever the queues of `QUEUE_DEPTH` messages are full, this waits until all reliable subscribers have received
+        them. If that takes longer than `PATIENCE` once, it does not wait any more.
         """
         waiting = True
         for number, state in enumerate(states, start=1):
@@ -127,19 +127,19 @@ class Outputs:
         self._before = state
 
     def _was_put(self, state: State) -> bool:
-        """Whether the robot was put here since the state before: its steps are counted anew, or no time went by."""
+        """Whether the robot was put at a pose since the last state: its steps are counted again, or no time passed."""
         before = self._before
         return before is not None and (before.start_time != state.start_time or before.time == state.time)
 
     def _due(self, state: State, rate: float) -> bool:
-        """Whether an output with a rate of its own is due: a multiple of its period has come since the state before."""
+        """Whether an output with another rate is due: a multiple of its period has passed since the last state."""
         before = 0.0 if self._before is None else self._before.time
-        if before == state.time:  # it was put there, or it is the first one, which nobody knows yet
+        if before == state.time:  # a new pose, or the first state
             return True
         return math.floor(state.time * rate + ROUNDING) > math.floor(before * rate + ROUNDING)
 
     def _show(self, state: State, odom: Header, base: Header) -> None:
-        """Publish the markers, if anybody looks."""
+        """Publish the markers if there is a subscriber."""
         if self._fin_markers.get_subscription_count():
             self._fin_markers.publish(
                 self._markers.message(state, self._settings().model, base, odom, self._mean_current()))

@@ -1,4 +1,4 @@
-"""The settings as ROS 2 parameters: declared from their one home, checked by it."""
+"""The settings as ROS 2 parameters: declared from the dataclasses, and checked by them."""
 
 from __future__ import annotations
 
@@ -14,19 +14,19 @@ from manta_sim_ros.dynamics import Quantity
 from manta_sim_ros.nodes.settings import Settings
 
 OTHERS = ('use_sim_time', 'start_type_description_service')
-"""What else a node may be started with: parameters of rclpy, and those that begin with `qos_overrides.`."""
+"""Parameters that rclpy declares; those that begin with `qos_overrides.` are of rclpy, too."""
 
 
 def declare(node: Node) -> Settings:
-    """Declare every parameter of the simulator on `node` and return the settings that it was started with.
+    """Declare every parameter of the simulator on `node`, and return the settings with which it was started.
 
-    `node` must have been made with `automatically_declare_parameters_from_overrides`: what it was started with is
-    checked here first, whole numbers are taken where decimal ones are wanted, and unknown names are warned of.
+    `node` must have been made with `automatically_declare_parameters_from_overrides`. The given values are checked
+    first, whole numbers are accepted for decimal ones, and a warning is logged for each unknown name.
 
     Raises
     ------
     ValueError
-        A value that the node was started with is bad; names it and the bound.
+        A given value is bad; names it and the bound.
 
     """
     known = Settings.quantities()
@@ -38,7 +38,7 @@ def declare(node: Node) -> Settings:
         if name not in known:
             near = difflib.get_close_matches(name, known, n=1)
             node.get_logger().warning(
-                f'{name} is no parameter of this node and is left out{f"; is {near[0]} meant?" if near else ""}')
+                f'{name} is not a parameter of this node and has no effect{f"; is {near[0]} meant?" if near else ""}')
     settings = Settings().replace((name, value) for name, value in given.items() if name in known)
     for name, about in known.items():
         value = settings.value(name)
@@ -48,14 +48,14 @@ def declare(node: Node) -> Settings:
 
 
 def declare_value(node: Node, name: str, default: Any, description: str) -> Any:
-    """Declare one read-only parameter of a node that is made as `declare` wants it, and return its value.
+    """Declare one read-only parameter of a node that was made as for `declare`, and return its value.
 
-    Whole numbers are taken where decimal ones are wanted, and one number where a list is.
+    Whole numbers are accepted for decimal ones, and a number for a list of one.
 
     Raises
     ------
     ValueError
-        What the node was started with is of another type; names it.
+        The given value is of another type; names it.
 
     """
     value = default
@@ -81,7 +81,7 @@ def _decimal(value: Any) -> Any:
 
 
 def descriptor(about: Quantity) -> ParameterDescriptor:
-    """Return description, unit, bounds and whether it is read-only, as ROS 2 wants them."""
+    """Return the ROS 2 descriptor of a parameter: description with unit and source, bounds, read-only or not."""
     unit = f' [{about.unit}]' if about.unit else ''
     described = ParameterDescriptor(
         description=f'{about.description}{unit} ({about.source})', read_only=not about.live)
@@ -97,7 +97,7 @@ def descriptor(about: Quantity) -> ParameterDescriptor:
 
 
 def set_values(settings: Settings, parameters: Iterable[Parameter[Any]]) -> Settings:
-    """Return the settings after `ros2 param set` of these; parameters that are not the simulator's are left out.
+    """Return the settings with these parameters set; parameters of rclpy are ignored.
 
     Raises
     ------

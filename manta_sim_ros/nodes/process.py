@@ -1,4 +1,4 @@
-"""How the executables start and end: one clear line for what cannot work, exit status 0 for Ctrl-C and SIGTERM."""
+"""Start and end of the executables: one line for an error, exit status 0 for Ctrl-C and SIGTERM."""
 
 from __future__ import annotations
 
@@ -26,16 +26,16 @@ def run_node(
 ) -> None:
     """Make a node, start it, and spin it until it is interrupted or the context is shut down.
 
-    Ends the process with status 1 and one line on standard error when ROS 2 arguments or a parameter are bad.
+    If ROS 2 arguments or a parameter are bad, the process ends with status 1 and one line on standard error.
     """
     spinning = interrupted = False
 
     def interrupt(signum: int, frame: FrameType | None) -> None:
         nonlocal interrupted
-        if not spinning:  # maybe in the middle of a compilation, which an exception does not get out of
+        if not spinning:  # perhaps in the middle of a compilation, which catches exceptions
             os._exit(0)
         interrupted = True
-        raise KeyboardInterrupt  # in the middle of rclpy it may come out as another exception
+        raise KeyboardInterrupt  # rclpy may turn it into another exception
 
     for ending in (signal.SIGINT, signal.SIGTERM):  # rclpy's own handlers shut its context down and call these
         signal.signal(ending, interrupt)
@@ -48,7 +48,7 @@ def run_node(
     except (KeyboardInterrupt, ExternalShutdownException):
         pass
     except Exception:
-        if not interrupted:  # else it is that of the handler, or what was on its way found no context any more
+        if not interrupted:  # else it is a consequence of the interruption
             raise
     finally:
         spinning = False  # a second signal must not interrupt the end

@@ -25,32 +25,32 @@ from manta_sim_ros.nodes.interface import TOPICS
 QUEUE_DEPTH = 10
 
 EVENT_PERIOD, EVENT_WINDOW = 1.0, 0.05
-"""How often the events of publishers are looked at, and for how long [s]."""
+"""Period of the checks of the events of publishers, and duration of a check [s]."""
 
 
-class _NowAndThen(CallbackGroup):
-    """Lets the executor look at the events of publishers now and then: at every turn they were a third of its load."""
+class _SometimesOpen(CallbackGroup):
+    """Lets the executor check the events of publishers only from time to time: each check costs a third of its load."""
 
     def __init__(self) -> None:
         super().__init__()
         self._opens = self._closes = 0.0  # steady time [s]
 
     def can_execute(self, entity: object) -> bool:
-        """Whether it is time to look."""
+        """Whether it is time for a check."""
         now = time.monotonic()
         if now >= self._opens:
             self._opens, self._closes = now + EVENT_PERIOD, now + EVENT_WINDOW
         return now < self._closes
 
     def beginning_execution(self, entity: object) -> bool:
-        """Whether the callback may begin: each only logs a line."""
+        """Whether the callback may begin: it only logs a line."""
         return True
 
     def ending_execution(self, entity: object) -> None:
         """Do nothing after a callback."""
 
 
-_EVENTS = _NowAndThen()
+_EVENTS = _SometimesOpen()
 
 
 def publisher(node: Node, topic: str) -> Publisher[Any]:
@@ -92,7 +92,7 @@ def message_class(type_name: str) -> type[Any]:
 
 
 def drain(waiting: Subscription[Any]) -> None:
-    """Throw away the messages that have come and are not taken yet."""
+    """Drop the messages that were received but not taken yet."""
     with waiting.handle:
         while waiting.handle.take_message(waiting.msg_type, waiting.raw) is not None:
             pass
@@ -100,7 +100,7 @@ def drain(waiting: Subscription[Any]) -> None:
 
 @contextlib.contextmanager
 def _named_errors(entity: str, topic: str) -> Iterator[None]:
-    """Say which of the node's many topics it is: rclpy names the bad value at best."""
+    """Name the topic in an error: rclpy only names the bad value, if at all."""
     try:
         yield
     except (AssertionError, AttributeError, InvalidQosOverridesError, RuntimeError, TypeError) as error:

@@ -1,4 +1,4 @@
-"""The simulated robot behind the topics: it takes commands, advances by ticks, and is put where it is wanted."""
+"""The simulated robot behind the topics: it takes commands, advances in ticks, and is put at poses."""
 
 from __future__ import annotations
 
@@ -10,21 +10,21 @@ from collections.abc import Callable, Iterator, Sequence
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from manta_sim_ros.dynamics import DivergenceError, FinCommand, Simulator, State
+from manta_sim_ros.dynamics import DivergenceError, FinCommand, FloatArray, Simulator, State
 from manta_sim_ros.nodes.settings import Settings
 
-ROUNDING = 1e-6  # of the steps due, far above that of their sum and far below a step
+ROUNDING = 1e-6  # tolerance of a number of steps: far above its rounding errors and far below one step
 
 
 class Robot:
-    """The simulator as the node runs it: never stopped by what it is told, and its time never runs backward.
+    """The simulator as the node runs it: no input stops it, and its time never runs backward.
 
     Parameters
     ----------
     settings
         All parameters of the node.
     error, warn
-        Take a line: when the motion diverged and the robot was put at rest, and when no command came for too long.
+        Log a line: that the motion diverged and the robot was put at rest, and that no command came for too long.
 
     Raises
     ------
@@ -40,15 +40,15 @@ class Robot:
         self._error, self._warn = error, warn
         self._simulator = Simulator(settings.model, state=self._at_rest(*self._start, 0.0, np.zeros(3)))
         self._steps_due = 0.0
-        self._commanded_at: float | None = None  # simulated time of the last command that was taken
+        self._commanded_at: float | None = None  # simulated time of the last accepted command
         self._current: Sequence[float] | None = None  # instead of water.current
         self._body_wrench: Sequence[float] | None = None
         self._world_wrench: Sequence[float] | None = None
         self._wrench_ends = -math.inf  # simulated time
         self.timed_out = False
-        """Whether the last command is older than `command_timeout`, and the fins glide to rest."""
+        """Whether the last command is older than `command_timeout`, so that the amplitudes went to zero."""
         self.divergences = 0
-        """How often the motion diverged."""
+        """Number of divergences of the motion."""
 
     @property
     def state(self) -> State:
@@ -57,13 +57,13 @@ class Robot:
 
     @property
     def commands(self) -> tuple[FinCommand, FinCommand]:
-        """What the left and the right fin go to."""
+        """The last commands of the left and the right fin."""
         left, right = (FinCommand(*command) for command in self.state.gait_commands)
         return left, right
 
     @property
     def command_age(self) -> float:
-        """Simulated time since the last command that was taken [s], NaN when there was none."""
+        """Simulated time since the last accepted command [s], NaN if there was none."""
         return math.nan if self._commanded_at is None else self.state.time - self._commanded_at
 
     @property
@@ -72,11 +72,11 @@ class Robot:
         return all(bool(np.isfinite(value).all()) for value in vars(self.state).values())
 
     def check(self, settings: Settings) -> None:
-        """Raise a ValueError if the present state could not go on with other settings."""
+        """Raise a ValueError if the present state does not fit other settings."""
         Simulator(settings.model, state=self.state)
 
     def apply(self, settings: Settings) -> None:
-        """Go on with other settings, from the present step on."""
+        """Continue with other settings, from the present step on."""
         if settings.model != self._settings.model:
             self._simulator = Simulator(settings.model, state=self.state)
         self._settings = settings
@@ -87,7 +87,7 @@ class Robot:
         Raises
         ------
         ValueError
-            A gait is impossible or cannot be reached; nothing changes then.
+            A gait is impossible or cannot be reached; then nothing changes.
 
         """
         self._simulator.command(left=left, right=right)
@@ -95,44 +95,44 @@ class Robot:
 
     @property
     def mean_current(self) -> Sequence[float]:
-        """Mean velocity (3,) of the water, world frame [m/s]; `state.current_deviation` comes on top."""
+        """Mean velocity (3,) of the water, world frame [m/s]; `state.current_deviation` is added to it."""
         return self._settings.model.water.current if self._current is None else self._current
 
     @property
-    def pushed(self) -> bool:
-        """Whether a wrench from outside acts."""
+    def has_external_wrench(self) -> bool:
+        """Whether an external wrench acts."""
         return self._wrench_ends > self.state.time + ROUNDING * self._time_step
 
-    def flow(self, current: Sequence[float] | None) -> None:
-        """Let the water flow with a mean velocity (3,) in the world frame [m/s]; None: with `water.current`."""
+    def set_current(self, current: Sequence[float] | None) -> None:
+        """Set the mean velocity (3,) of the water, world frame [m/s]; None stands for `water.current`."""
         self._current = current
 
-    def push(
+    def set_external_wrench(
         self, *, body_wrench: Sequence[float] | None = None, world_wrench: Sequence[float] | None = None,
     ) -> None:
-        """Let an external wrench (6,) [N, N m] act from now on for `body_wrench_lifetime`, in place of the last one.
+        """Let an external wrench (6,) [N, N m] act from now on for `body_wrench_lifetime`, instead of the last one.
 
-        On the body about its center of mass, components in the body frame or in the world frame.
+        It acts on the body about its center of mass, with components in the body frame or in the world frame.
         """
         lifetime = self._settings.node.body_wrench_lifetime
         self._body_wrench, self._world_wrench = body_wrench, world_wrench
         self._wrench_ends = self.state.time + lifetime if lifetime > 0.0 else math.inf
 
-    def release(self) -> None:
-        """Let nothing push the robot from now on."""
+    def end_external_wrench(self) -> None:
+        """Let no external wrench act from now on."""
         self._wrench_ends = -math.inf
 
     def tick(self) -> State:
-        """Advance to the next output, `1 / publish_rate` on, and return its state."""
+        """Advance by one output period, `1 / publish_rate`, and return the state."""
         return self._advance(self._steps_to_output())
 
     def ticks(self, duration: float) -> Iterator[State]:
-        """Return the states of all outputs in exactly the next `duration` [s]; the last one is at its end.
+        """Yield the states of all outputs in exactly the next `duration` [s]; the last one is at its end.
 
         Raises
         ------
         ValueError
-            It is no whole number of time steps.
+            `duration` is not a whole number of time steps.
 
         """
         steps = round(duration / self._time_step)
@@ -150,25 +150,25 @@ class Robot:
             yield self._advance(taken)
 
     def reset(self) -> State:
-        """Put the robot at rest where it started, fins flat, not commanded and not pushed; time goes on.
+        """Put the robot at rest where it started, with flat fins, without gait and external wrench; time goes on.
 
-        The deviation of the current begins anew from zero.
+        The deviation of the current starts again from zero.
         """
         return self._put(*self._start, self.state.time, np.zeros(3))
 
     def put(self, position: Sequence[float], orientation: Sequence[float]) -> State:
-        """Put the robot at rest at a pose [m; x, y, z, w], fins flat, not commanded and not pushed; time goes on.
+        """Put the robot at rest at a pose [m; x, y, z, w], with flat fins, without gait and wrench; time goes on.
 
         Raises
         ------
         ValueError
-            A value is not finite, or the orientation is no unit quaternion; nothing changes then.
+            A value is not finite, or the orientation is not a unit quaternion; then nothing changes.
 
         """
         return self._put(position, orientation, self.state.time)
 
     @property
-    def _start(self) -> tuple[Sequence[float], np.ndarray]:
+    def _start(self) -> tuple[Sequence[float], FloatArray]:
         """Pose [m; x, y, z, w] at which the robot starts."""
         own = self._settings.node
         return own.initial_position, Rotation.from_euler('z', own.initial_yaw).as_quat()
@@ -185,54 +185,55 @@ class Robot:
 
     def _advance(self, steps: int) -> State:
         self._watch_commands()
-        before, pushed_steps = self.state, self._pushed_steps(steps)
+        before, wrench_steps = self.state, self._steps_with_wrench(steps)
         try:
-            if pushed_steps > 0:
+            if wrench_steps > 0:
                 self._simulator.advance(
-                    pushed_steps * self._time_step, current=self._current,
+                    wrench_steps * self._time_step, current=self._current,
                     body_wrench=self._body_wrench, world_wrench=self._world_wrench)
-            return self._simulator.advance((steps - pushed_steps) * self._time_step, current=self._current)
+            return self._simulator.advance((steps - wrench_steps) * self._time_step, current=self._current)
         except DivergenceError as error:
             self.divergences += 1
-            pushed = ' A body_wrench acted.' if pushed_steps > 0 else ''
-            self._error(f'{error}.{pushed} The robot is put at rest where it was, its fins flat; command it anew.')
+            wrench = ' A body_wrench acted.' if wrench_steps > 0 else ''
+            self._error(
+                f'{error}.{wrench} The robot is put at rest where it was, with flat fins: publish a new fin_command.')
             return self._put(before.position, before.orientation, before.time + steps * self._time_step)
 
-    def _pushed_steps(self, steps: int) -> int:
-        """Return in how many of the next steps the wrench from outside acts."""
+    def _steps_with_wrench(self, steps: int) -> int:
+        """Return the number of the next steps in which the external wrench acts."""
         left = (self._wrench_ends - self.state.time) / self._time_step
         if left >= steps:
             return steps
         return math.ceil(left - ROUNDING) if left > ROUNDING else 0
 
     def _at_rest(
-        self, position: Sequence[float] | np.ndarray, orientation: Sequence[float] | np.ndarray, time: float,
-        current_deviation: np.ndarray,
+        self, position: Sequence[float] | FloatArray, orientation: Sequence[float] | FloatArray, time: float,
+        current_deviation: FloatArray,
     ) -> State:
         return dataclasses.replace(
             State.at_rest(self._settings.model), time=time, position=np.array(position),
             orientation=np.array(orientation), current_deviation=current_deviation)
 
     def _put(
-        self, position: Sequence[float] | np.ndarray, orientation: Sequence[float] | np.ndarray, time: float,
-        current_deviation: np.ndarray | None = None,
+        self, position: Sequence[float] | FloatArray, orientation: Sequence[float] | FloatArray, time: float,
+        current_deviation: FloatArray | None = None,
     ) -> State:
-        """Put the robot at rest; the water goes on as it is if no `current_deviation` is given."""
+        """Put the robot at rest; the deviation of the current stays as it is unless one is given."""
         state = self._simulator.reset(self._at_rest(
             position, orientation, time,
             self.state.current_deviation if current_deviation is None else current_deviation))
         self._commanded_at, self.timed_out = None, False
-        self.release()
+        self.end_external_wrench()
         return state
 
     def _watch_commands(self) -> None:
-        """Let the amplitudes glide to zero when the last command is too old."""
+        """Command zero amplitudes if the last command is too old."""
         timeout = self._settings.node.command_timeout
         if timeout == 0.0 or self._commanded_at is None or self.timed_out:
             return
         if self.state.time - self._commanded_at >= timeout - ROUNDING * self._time_step:
             left, right = (dataclasses.replace(command, amplitude=0.0) for command in self.commands)
-            with contextlib.suppress(ValueError):  # not from where the gait is just now: it is on its way to another
+            with contextlib.suppress(ValueError):  # not during a transition from which it is impossible
                 self._simulator.command(left=left, right=right)
                 self.timed_out = True
                 self._warn(f'no fin_command for {timeout:g} s of simulated time: the fins glide to rest')

@@ -10,65 +10,65 @@ from manta_sim_ros.dynamics import ParameterGroup, Parameters, Quantity, Vector,
 from manta_sim_ros.sensors import Imu, Pressure
 
 FARTHEST = 1e6
-"""Bound of a coordinate that the robot is put at [m]: a double still tells tenths of a nanometer there."""
+"""Bound of the coordinates of a position [m]: a double resolves a tenth of a nanometer there."""
 
 HIGHEST_RATE_TOLERANCE = 1e-9
-"""How far `publish_rate` may be above one output a time step, as a share: rounding."""
+"""Share by which `publish_rate` may be above one output per time step: rounding."""
 
 
 @dataclasses.dataclass(frozen=True)
 class NodeParameters(ParameterGroup):
-    """The node's own parameters."""
+    """The parameters of the node itself."""
 
     publish_rate: float = quantity(
         100.0, unit='Hz', low=0.1, high=1000.0, live=True,
-        description='rate of all outputs in simulated time, at most one a time step', source='chosen',
+        description='rate of all outputs in simulated time, at most one per time step', source='chosen',
     )
     real_time_factor: float = quantity(
         1.0, low=0.0, high=1000.0, live=True,
-        description='simulated time over elapsed time; 0 runs as fast as it can', source='chosen',
+        description='simulated time over elapsed time; 0 runs as fast as possible', source='chosen',
     )
     publish_clock: bool = quantity(
         True,
-        description="publish /clock and stamp with simulated time; else stamp with the node's own clock",
+        description='publish /clock and stamp messages with simulated time; else stamp them with the clock of the node',
         source='chosen',
     )
     start_paused: bool = quantity(
         False,
-        description='start with simulated time standing still, until ~/pause says otherwise', source='chosen',
+        description='start paused: simulated time stands still until ~/pause is called with false', source='chosen',
     )
     initial_position: Vector = quantity(
         (0.0, 0.0, 0.0), unit='m', low=-FARTHEST, high=FARTHEST,
-        description='where the robot starts and goes at a reset, world frame [x, y, z]', source='chosen',
+        description='position at the start and after a reset, world frame [x, y, z]', source='chosen',
     )
     initial_yaw: float = quantity(
         0.0, unit='rad', low=-7.0, high=7.0,
-        description='heading there about the vertical, level otherwise; positive to the left', source='chosen',
+        description='heading at the start and after a reset, about the vertical; positive to the left', source='chosen',
     )
     step_duration: float = quantity(
         0.01, unit='s', low=1e-7, high=3600.0, live=True,
-        description='simulated time of a ~/step, a whole number of time steps', source='chosen',
+        description='simulated time of one ~/step, a whole number of time steps', source='chosen',
     )
     command_timeout: float = quantity(
         0.0, unit='s', low=0.0, high=3600.0, live=True,
-        description='simulated time after the last fin_command at which the amplitudes glide to zero; 0 waits for ever',
+        description='simulated time without a fin_command after which the amplitudes go to zero; 0 disables this',
         source='chosen',
     )
     body_wrench_lifetime: float = quantity(
         0.5, unit='s', low=0.0, high=3600.0, live=True,
-        description='simulated time for which a body_wrench acts; 0 until the next one', source='chosen',
+        description='simulated time for which a body_wrench acts; with 0 it acts until the next one', source='chosen',
     )
     joint_state_rate: float = quantity(
         50.0, unit='Hz', low=0.1, high=1000.0, live=True,
-        description='rate of joint_states in simulated time, at most one an output', source='chosen',
+        description='rate of joint_states in simulated time, at most publish_rate', source='chosen',
     )
     publish_fin_joints: bool = quantity(
         False, live=True,
-        description='whether joint_states holds supports and chains beside the four rods', source='chosen',
+        description='publish the joints of supports and chains in joint_states, beside the four rods', source='chosen',
     )
     marker_rate: float = quantity(
         10.0, unit='Hz', low=1.0, high=1000.0, live=True,
-        description='rate of fin_markers in simulated time, at most one an output; none while nobody subscribes',
+        description='rate of fin_markers in simulated time, at most publish_rate; none without a subscriber',
         source='chosen',
     )
     publish_tf: bool = quantity(
@@ -86,16 +86,16 @@ class NodeParameters(ParameterGroup):
 
     @property
     def pace(self) -> float:
-        """Outputs per elapsed second [1/s]; 0 is as many as it can."""
+        """Outputs per elapsed second [1/s]; 0 means as many as possible."""
         return self.publish_rate * self.real_time_factor
 
     def __post_init__(self) -> None:
-        """Check each field, then that the frames are different names that tf2 takes."""
+        """Check each field, then that the frames have different names that tf2 accepts."""
         super().__post_init__()
         for name in ('odom_frame', 'base_frame'):
             frame = getattr(self, name)
             if frame.startswith('/') or frame != ''.join(frame.split()):
-                raise ValueError(f'{name} is {frame!r}, but must be a name without a leading / and without blanks')
+                raise ValueError(f'{name} is {frame!r}, but must be a name without a leading / and without spaces')
         if self.odom_frame == self.base_frame:
             raise ValueError(f'base_frame is {self.base_frame!r}, but must differ from odom_frame')
 
@@ -122,7 +122,7 @@ class Settings:
         if self.node.publish_rate > highest * (1.0 + HIGHEST_RATE_TOLERANCE):
             raise ValueError(
                 f'publish_rate is {self.node.publish_rate:g} Hz, but must be at most {highest:g} Hz, '
-                'one output each solver.time_step'
+                'one output per solver.time_step'
             )
 
     @classmethod

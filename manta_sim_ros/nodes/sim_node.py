@@ -1,4 +1,4 @@
-"""The node `manta_sim`: takes fin commands, steps the dynamics, publishes its state and the clock."""
+"""The node `manta_sim`: takes fin commands, advances the dynamics, and publishes the state and the clock."""
 
 from __future__ import annotations
 
@@ -33,17 +33,17 @@ PACE_WARNING_PERIOD = 5.0
 CLOCK_WARNING_PERIOD = 10.0
 STEP_WARNING_PERIOD = 10.0
 DIVERGENCE_ERROR_PERIOD = 1.0
-LISTENING_SHARE = 0.1  # of the time that a tick took: for commands when the next tick is due at once
+LISTENING_SHARE = 0.1  # of the time of a tick: for callbacks if the next tick is due at once
 LONGEST_WAIT = 1.0  # s
 
 
 class SimNode(Node):
-    """The simulated robot as a node. It owns simulated time: outputs of one state, then the clock that announces them.
+    """The simulated robot as a node. It publishes simulated time: first all outputs of a state, then the clock.
 
     Raises
     ------
     ValueError
-        A parameter that it was started with is bad.
+        A parameter has a bad value.
 
     """
 
@@ -55,8 +55,8 @@ class SimNode(Node):
         self._refusals = Refusals(self.get_logger().warning, 'fin_command', 'the previous gait continues')
         self._step_warning, self._step_warning_due = '', -math.inf
         self._next_tick = math.inf  # steady time [s]
-        self._computing = 0.0  # elapsed time in ticks since the last look at the pace [s]
-        self._divergences_seen = 0  # at that look
+        self._computing = 0.0  # elapsed time in ticks since the last diagnostics [s]
+        self._divergences_reported = 0  # in the last diagnostics
 
         self._outputs = Outputs(self, lambda: self._settings, lambda: self._robot.mean_current)
         self._diagnostics = publisher(self, '/diagnostics')
@@ -68,19 +68,19 @@ class SimNode(Node):
         self.add_post_set_parameters_callback(self._apply_parameters)
 
     def start(self) -> None:
-        """Compile or load the dynamics, and begin to simulate."""
+        """Compile or load the kernels, and begin to simulate."""
         if self._outputs.lacks_transform:
             self.get_logger().info(
-                'no transform is published: tf2_msgs is not installed (install it, or set publish_tf to false)')
+                'no transform is published, as tf2_msgs is not installed: install it, or set publish_tf to false')
         compile_kernels(self._settings.model, self.get_logger().info)
         self._set_pace()
-        if self._time.paused:  # there will be no tick
+        if self._time.paused:  # there is no tick
             self._outputs.publish(self._robot.state)
 
     def spin(self) -> None:
-        """Simulate on the steady clock and listen in between, until the context is shut down.
+        """Simulate on the steady clock and run callbacks in between, until the context is shut down.
 
-        A timer of rclpy's would have its executor look through all entities of the node twice a tick: half the load.
+        With a timer of rclpy, the executor would check all entities of the node twice per tick: half of the load.
         """
         executor = SingleThreadedExecutor(context=self.context)
         executor.add_node(self)
@@ -90,11 +90,11 @@ class SimNode(Node):
                 self._outputs.publish(self._robot.tick())
                 done = time.monotonic()
                 self._computing += done - now
-                self._next_tick = max(self._next_tick + self._tick_period, done)  # what is late is dropped
+                self._next_tick = max(self._next_tick + self._tick_period, done)  # delays are not caught up
                 listen_until = done + LISTENING_SHARE * (done - now)
-                self._look_at_itself()
+                self._report()
             elif self._time.paused:
-                self._look_at_itself()
+                self._report()
             wait = LONGEST_WAIT if self._time.paused else self._next_tick - time.monotonic()
             executor.spin_once(timeout_sec=min(max(0.0, wait), LONGEST_WAIT))
             while time.monotonic() < listen_until:
@@ -120,7 +120,7 @@ class SimNode(Node):
         self._disturbances.forget()
 
     def _warn_of_step(self) -> None:
-        """Warn when the gaits that are commanded, with the present parameters, ask for a smaller time step."""
+        """Warn if the commanded gaits need a smaller time step with the present parameters."""
         warning = step_warning(self._settings.model, *self._robot.commands)
         if warning is not None and (warning != self._step_warning or time.monotonic() > self._step_warning_due):
             self._step_warning, self._step_warning_due = warning, time.monotonic() + STEP_WARNING_PERIOD
@@ -133,25 +133,25 @@ class SimNode(Node):
         self._window_began = time.monotonic(), self._robot.state.time
         self._computing = 0.0
 
-    def _look_at_itself(self) -> None:
-        """Once a window, publish diagnostics and warn of a machine that cannot keep up and of another clock."""
+    def _report(self) -> None:
+        """Once per window, publish diagnostics, and warn of a machine that is too slow and of a second clock."""
         if time.monotonic() - self._window_began[0] < PACE_WINDOW:
             return
         health = self._health()
         self._begin_pace_window()
-        self._divergences_seen = self._robot.divergences
+        self._divergences_reported = self._robot.divergences
         self._diagnostics.publish(DiagnosticArray(
             header=messages.header(self._outputs.stamp(self._robot.state), ''),
             status=statuses(self.get_fully_qualified_name(), health)))
         if not health.keeps_up:
             self.get_logger().warning(
                 f'real-time factor {health.reached_factor:.2f} instead of {health.wanted_factor:g}: this machine '
-                'cannot keep up, simulated time is slower',
+                'cannot keep up, and simulated time is slower',
                 throttle_duration_sec=PACE_WARNING_PERIOD,
             )
         if self._outputs.another_clock:
             self.get_logger().warning(
-                'another node publishes /clock too: of several simulators, start all but one with publish_clock false',
+                'another node publishes /clock too: start all simulators but one with publish_clock false',
                 throttle_duration_sec=CLOCK_WARNING_PERIOD,
             )
 
@@ -167,8 +167,9 @@ class SimNode(Node):
             computing=math.nan if paused or not steps else self._computing / steps,
             command_age=robot.command_age, timed_out=robot.timed_out,
             refused={topic: refusals_of.take() for topic, refusals_of in refusals.items()},
-            current=np.add(robot.mean_current, robot.state.current_deviation), pushed=robot.pushed,
-            diverged_lately=robot.divergences > self._divergences_seen, finite=robot.finite,
+            current=np.add(robot.mean_current, robot.state.current_deviation),
+            external_wrench=robot.has_external_wrench,
+            diverged_lately=robot.divergences > self._divergences_reported, finite=robot.finite,
             time_step=model.solver.time_step, largest_step=largest_stable_step(model, *robot.commands),
         )
 
@@ -183,7 +184,7 @@ class SimNode(Node):
         before, self._settings = self._settings, set_values(self._settings, parameters)
         self._robot.apply(self._settings)
         if any(parameter.name == 'water.current' for parameter in parameters):
-            self._robot.flow(None)
+            self._robot.set_current(None)
         if self._settings.model != before.model:
             self._warn_of_step()
         if self._settings.node.pace != before.node.pace and self._next_tick < math.inf:

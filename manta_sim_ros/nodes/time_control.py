@@ -1,4 +1,4 @@
-"""Pause, step, reset, and a new pose: the services and the topic by which others hold the robot and its time."""
+"""Pause, step, reset, and a new pose: the services and the topic that control simulated time and the robot."""
 
 from __future__ import annotations
 
@@ -22,17 +22,17 @@ class TimeControl:
     Parameters
     ----------
     node
-        Whose services they are.
+        The node that offers the services.
     robot
-        What they act upon.
+        The robot on which they act.
     settings
-        Gives the node's present parameters.
+        Returns the present parameters of the node.
     publish
-        Publishes the outputs of states that follow each other.
+        Publishes the outputs of consecutive states.
     resume
-        Called when time begins to run again.
+        Is called when time begins to run again.
     forget_inputs
-        Throws away the commands that have come but are not yet taken, and ends disturbances.
+        Drops the commands that were received but not taken yet, and ends disturbances.
 
     """
 
@@ -43,7 +43,7 @@ class TimeControl:
         self._robot, self._settings = robot, settings
         self._publish, self._resume, self._forget_inputs = publish, resume, forget_inputs
         self.paused = settings().node.start_paused
-        """Whether simulated time stands still, but for steps."""
+        """Whether simulated time stands still except for steps."""
         node.create_service(SetBool, '~/pause', self._pause)
         node.create_service(Trigger, '~/step', self._step)
         node.create_service(Trigger, '~/reset', self._reset)
@@ -60,7 +60,7 @@ class TimeControl:
 
     def _step(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         if not self.paused:
-            response.message = 'not paused: simulated time is running; call the service pause with data true first'
+            response.message = 'not paused: simulated time is running; first call the service ~/pause with data true'
             return response
         try:
             states = self._robot.ticks(self._settings().node.step_duration)
@@ -89,7 +89,7 @@ class TimeControl:
             self.refusals.add(error)
 
     def _put(self, state: State) -> None:
-        if self.paused:  # nobody would see it until the next step
+        if self.paused:  # else no output would show it before the next step
             self._publish([state])
 
     @property

@@ -18,7 +18,7 @@ NONE = Refused(0, 0, '')
 WELL = Health(
     time=12.5, paused=False, wanted_factor=1.0, reached_factor=1.0, computing=2.7e-5, command_age=0.1, timed_out=False,
     refused=dict.fromkeys(('fin_command', 'set_pose', 'current', 'body_wrench'), NONE), current=np.zeros(3),
-    pushed=False, diverged_lately=False, finite=True, time_step=0.002, largest_step=0.0049)
+    external_wrench=False, diverged_lately=False, finite=True, time_step=0.002, largest_step=0.0049)
 
 
 def refused(topic, total, lately=0, reason=''):
@@ -69,7 +69,7 @@ def test_what_is_not_known_is_a_dash():
     ({}, 'disturbances', OK, 'the water is still, no external wrench acts'),
     ({'current': np.array([0.3, 0.0, -0.4])}, 'disturbances', OK,
      'the water flows at 0.5 m/s, no external wrench acts'),
-    ({'pushed': True, **refused('current', 2)}, 'disturbances', OK, 'the water is still, a body_wrench acts'),
+    ({'external_wrench': True, **refused('current', 2)}, 'disturbances', OK, 'the water is still, a body_wrench acts'),
     (refused('current', 9, 2, 'vector.x is nan'), 'disturbances', WARN, '2 current refused just now: vector.x is nan'),
     (refused('body_wrench', 1, 1, 'wrench.force.x is inf'), 'disturbances', WARN,
      '1 body_wrench refused just now: wrench.force.x is inf'),

@@ -26,10 +26,10 @@ def made(lines, *values):
 
 def test_a_new_pose_ends_a_wrench_that_would_go_on(lines):
     robot = made(lines, ('body_wrench_lifetime', 0.0))
-    robot.push(body_wrench=(0.0, 2.0, 0.0, 0.0, 0.0, 0.0))
-    assert robot.tick().twist[1] > 0.0 and robot.pushed
+    robot.set_external_wrench(body_wrench=(0.0, 2.0, 0.0, 0.0, 0.0, 0.0))
+    assert robot.tick().twist[1] > 0.0 and robot.has_external_wrench
     robot.put((1.0, 2.0, 3.0), LEVEL)
-    assert not robot.pushed
+    assert not robot.has_external_wrench
     state = robot.tick()
     np.testing.assert_array_equal(state.twist, 0.0)
     np.testing.assert_array_equal(state.position, (1.0, 2.0, 3.0))
@@ -48,9 +48,9 @@ def test_a_divergence_puts_it_at_rest_in_water_that_goes_on_and_says_that_a_wren
     robot = made(lines, *VARYING)
     for _ in range(5):
         before = robot.tick()
-    robot.push(body_wrench=TORQUE)
+    robot.set_external_wrench(body_wrench=TORQUE)
     state = robot.tick()
-    assert robot.divergences == 1 and not robot.pushed
+    assert robot.divergences == 1 and not robot.has_external_wrench
     (line,) = lines
     assert 'A body_wrench acted. The robot is put at rest where it was' in line
     assert state.time == pytest.approx(before.time + 0.01, abs=1e-12)
@@ -62,12 +62,12 @@ def test_a_divergence_puts_it_at_rest_in_water_that_goes_on_and_says_that_a_wren
 def test_a_wrench_acts_in_every_step_that_begins_in_its_lifetime(lines, lifetime, steps):
     values = [('body_wrench_lifetime', lifetime), ('publish_rate', 500.0)]
     robot, twin = made(lines, *values), made(lines, *values)
-    robot.push(world_wrench=(0.0, 0.0, 1.0, 0.1, 0.0, 0.0))
+    robot.set_external_wrench(world_wrench=(0.0, 0.0, 1.0, 0.1, 0.0, 0.0))
     for step in range(90):
-        twin.release()
+        twin.end_external_wrench()
         if step < steps:
-            twin.push(world_wrench=(0.0, 0.0, 1.0, 0.1, 0.0, 0.0))
-        assert robot.pushed == (step < steps)
+            twin.set_external_wrench(world_wrench=(0.0, 0.0, 1.0, 0.1, 0.0, 0.0))
+        assert robot.has_external_wrench == (step < steps)
         assert_same_bits(robot.tick(), twin.tick())
 
 
