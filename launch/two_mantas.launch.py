@@ -28,8 +28,7 @@ def generate_launch_description():
                               description='start RViz with both robots'),
         DeclareLaunchArgument('record', default_value='false', choices=BOOLEANS,
                               description='record each robot to a bag of its own'),
-        robot('manta_1', publish_clock='true', rviz=rviz, robot_state_publisher=rviz,
-              rviz_config=PathJoinSubstitution([SHARE, 'rviz', 'two_mantas.rviz'])),
+        robot('manta_1', publish_clock='true', rviz=rviz, robot_state_publisher=rviz),
         robot('manta_2', publish_clock='false', initial_position=APART, sensor_seed='1',
               robot_state_publisher=rviz, rviz='false'),  # set one after the other
         controller('manta_1', STRAIGHT),
@@ -41,7 +40,8 @@ def robot(name, **arguments):
     """Return what starts one robot; in a group, as arguments would hold for all that is included later."""
     arguments |= {argument: LaunchConfiguration(argument) for argument in PASSED_ON}
     arguments |= {
-        'namespace': name, 'odom_frame': 'odom', 'base_frame': f'{name}/base_link', 'gait': 'false', 'bag': ''}
+        'namespace': name, 'odom_frame': 'odom', 'base_frame': f'{name}/base_link', 'gait': 'false', 'bag': '',
+        'rviz_config': PathJoinSubstitution([SHARE, 'rviz', 'two_mantas.rviz'])}
     return GroupAction([IncludeLaunchDescription(
         PathJoinSubstitution([SHARE, 'launch', 'sim.launch.py']), launch_arguments=arguments.items())])
 

@@ -31,10 +31,10 @@ LEAST_PIVOT = 1e-300
 def body_wrench(
     body: BodyConstants, inputs: Inputs, rotation: Rotation, velocity: Vector, omega: Vector, current: Vector,
 ) -> Wrench:
-    """Return all of (36) but the fins' wrenches and the acceleration, in F_b: drag, righting moment, gyroscopic terms.
+    """Return the load on the body but for the fins, in F_b: drag (34), righting moment (35) and the bias (37) of (36).
 
-    External wrenches are in it. `rotation` is R_b; `velocity` and `omega` are the twist, `current` is the velocity of
-    the water, components in F_b.
+    It includes the external wrenches. `rotation` is R_b; `velocity` and `omega` are the twist, `current` is the
+    velocity of the water, components in F_b.
     """
     drag, damping, inertia = body.drag, body.angular_damping, body.inertia
     relative = subtract(velocity, current)
@@ -123,7 +123,7 @@ def attitude(state: FloatArray) -> Rotation:
 
 @kernel
 def body_derivative(state: FloatArray, rotation: Rotation, acceleration: FloatArray, derivative: FloatArray) -> None:
-    """Fill the time derivative (13,) of the body's state: x-dot = R V, q-dot = q (Omega, 0) / 2, and `acceleration`."""
+    """Fill the time derivative (13,) of the state: x-dot = R V, q-dot = q (Omega, 0) / 2, (5), and `acceleration`."""
     x, y, z, w = state[3], state[4], state[5], state[6]
     p, q, r = 0.5 * state[10], 0.5 * state[11], 0.5 * state[12]
     derivative[0], derivative[1], derivative[2] = rotate(rotation, (state[7], state[8], state[9]))

@@ -64,7 +64,7 @@ def sine_cosine(x: float) -> tuple[float, float]:
 
 @kernel
 def link_motion(fin: FinConstants, links: Links, chains: Chains) -> None:
-    """From root to tip: direction, midpoint and velocity of each link in F_0, (16), and joint torque, (14), (15)."""
+    """From root to tip: pose (3) and velocity (16) of each link in F_0, and its joint torque, (13) to (15)."""
     count, row = links.q.shape
     dl, stiffness, damping = fin.link_length, fin.stiffness, fin.damping
     for k in range(row):
@@ -156,11 +156,12 @@ def acceleration_along_support(
 def articulated_inertia(
     fin: FinConstants, omega: Vector, roll_acceleration: float, links: Links, chains: Chains,
 ) -> None:
-    """From tip to root: articulated-body inertia and bias of each link, with all links beyond it, (18) to (26).
+    """From tip to root: articulated-body inertia and bias of each link, with all links beyond it, (17) to (26).
 
     With a the acceleration of the link's hinge, f the force and tau the torque that it must get there:
-    f = M a + h w-dot + p and tau = h.a + D w-dot + nu. Eliminating w-dot link by link is (29) solved from the tip, at a
-    cost linear in the number of links. Afterwards `chains` holds M and p of each root, f = M a + p, w-dot eliminated.
+    f = M a + h w-dot + p and tau = h.a + D w-dot + nu. Eliminating w-dot link by link solves (29) from the tip, without
+    the matrix (30), at a cost linear in the number of links. Afterwards `chains` holds M and p of each root, with which
+    f = M a + p.
 
     `omega` is Omega_0. `roll_acceleration` is the x component of its derivative as far as it is known, and w-dot is
     relative to a frame that accelerates so.
@@ -269,6 +270,6 @@ def support_wrench(
 
 @kernel
 def wrench_on_body(support: SupportMotion, at_support: Wrench) -> Wrench:
-    """Return a wrench about A in F_0 as the one about the center of mass, components in F_b, (33)."""
+    """Return a wrench about A in F_0 as the one about the center of mass, components in F_b: Ad (2) in (33)."""
     force = rotate(support.rotation, at_support.force)
     return Wrench(force, add(rotate(support.rotation, at_support.moment), cross(support.position, force)))

@@ -21,7 +21,7 @@ class Wrench(NamedTuple):
 
 @kernel
 def cross(a: Vector, b: Vector) -> Vector:
-    """Return the vector product a x b."""
+    """Return the vector product a x b, with a hat in (4) and (5)."""
     return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
 
@@ -67,7 +67,7 @@ def vector_at(a: FloatArray, start: int) -> Vector:
 
 @kernel
 def rotation_of(quaternion: FloatArray) -> Rotation:
-    """Return the rotation of a unit quaternion (x, y, z, w): body to world components."""
+    """Return the rotation R of (1) of a unit quaternion (x, y, z, w): body to world components."""
     x, y, z, w = quaternion[0], quaternion[1], quaternion[2], quaternion[3]
     return (
         (1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - z * w), 2.0 * (x * z + y * w)),
@@ -78,7 +78,7 @@ def rotation_of(quaternion: FloatArray) -> Rotation:
 
 @kernel
 def integrate_quaternion(quaternion: FloatArray, omega: Vector, time_step: float) -> None:
-    """Advance a quaternion (x, y, z, w) in place by forward Euler, q-dot = q (Omega, 0) / 2, and normalize it.
+    """Advance a quaternion (x, y, z, w) in place by forward Euler, q-dot = q (Omega, 0) / 2, (5), and normalize it.
 
     `omega` is the angular velocity in the moving frame [rad/s].
     """
