@@ -1,29 +1,37 @@
 from glob import glob
+from xml.etree import ElementTree
 
 from setuptools import find_packages, setup
 
-package_name = 'manta_sim_ros'
+package = ElementTree.parse('package.xml')
+name = package.findtext('name')
+maintainer = package.find('maintainer')
 
 setup(
-    name=package_name,
-    version='0.1.0',
-    packages=find_packages(include=[package_name, package_name + '.*']),
+    name=name,
+    version=package.findtext('version'),
+    description=package.findtext('description'),
+    license=package.findtext('license'),
+    url=package.findtext('url'),
+    maintainer=maintainer.text,
+    maintainer_email=maintainer.get('email'),
+    packages=find_packages(include=[name, name + '.*']),
+    package_data={name: ['py.typed']},
     data_files=[
-        ('share/ament_index/resource_index/packages', ['resource/' + package_name]),
-        ('share/' + package_name, ['package.xml']),
-        ('share/' + package_name + '/config', sorted(glob('config/*'))),
-        ('share/' + package_name + '/launch', sorted(glob('launch/*.launch.py'))),
-        ('share/' + package_name + '/rviz', sorted(glob('rviz/*.rviz'))),
-        ('share/' + package_name + '/urdf', sorted(glob('urdf/*.xacro'))),
+        ('share/ament_index/resource_index/packages', ['resource/' + name]),
+        ('share/' + name, ['package.xml']),
+        ('share/' + name + '/config', sorted(glob('config/*'))),
+        ('share/' + name + '/launch', sorted(glob('launch/*.launch.py'))),
+        ('share/' + name + '/rviz', sorted(glob('rviz/*.rviz'))),
+        ('share/' + name + '/urdf', sorted(glob('urdf/*.xacro'))),
     ],
-    install_requires=['matplotlib', 'numba', 'numpy', 'pillow', 'PyYAML', 'scipy', 'setuptools', 'tqdm'],
-    extras_require={'test': ['hypothesis', 'pytest']},
-    zip_safe=False,  # Numba keeps compiled kernels beside the modules.
     python_requires='>=3.10',
-    maintainer='manta_sim_ros maintainers',
-    maintainer_email='maintainers@example.org',
-    description='Simulator of a robotic manta ray with flexible pectoral fins: a Python library and a ROS 2 node.',
-    license='Apache-2.0',
+    install_requires=['numba', 'numpy', 'PyYAML', 'scipy'],
+    extras_require={
+        'figures': ['matplotlib', 'pillow', 'tqdm'],
+        'test': ['hypothesis', 'matplotlib', 'pillow', 'pytest', 'pytest-xdist', 'tqdm'],
+    },
+    zip_safe=False,  # Numba keeps compiled kernels beside the modules.
     entry_points={
         'console_scripts': [
             'gait_node = manta_sim_ros.executables:gait_node',

@@ -5,44 +5,47 @@ The handlers are set before the imports, which take a second or two.
 
 from __future__ import annotations
 
+import importlib
 import os
 import signal
+import sys
 from types import FrameType
+
+NEEDS_ROS = 'ROS 2, which is not installed or not sourced: source its setup file first'
+NEEDS_FIGURES = "the extra 'figures': pip install 'manta_sim_ros[figures]'"
 
 
 def sim_node() -> None:
     """Run the simulator."""
-    _end_when_interrupted()
     os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')  # for small matrices, threads cost time
-    from manta_sim_ros.nodes.sim_node import main
-    main()
+    _run('nodes.sim_node', NEEDS_ROS)
 
 
 def gait_node() -> None:
     """Run the example controller."""
-    _end_when_interrupted()
-    from manta_sim_ros.nodes.gait_node import main
-    main()
+    _run('nodes.gait_node', NEEDS_ROS)
 
 
 def monitor_node() -> None:
     """Run the monitor."""
-    _end_when_interrupted()
-    from manta_sim_ros.nodes.monitor_node import main
-    main()
+    _run('nodes.monitor_node', NEEDS_ROS)
 
 
 def paper_figures() -> None:
-    """Draw the paper's figures."""
-    _end_when_interrupted(status=130)
-    from manta_sim_ros.figures.command import main
-    main()
+    """Draw the figures of the paper."""
+    _run('figures.command', NEEDS_FIGURES, interrupted=130)
 
 
-def _end_when_interrupted(status: int = 0) -> None:
-    """End the process at once when it is interrupted, until `main` sets its handlers: nothing has begun yet."""
+def _run(module: str, needs: str, interrupted: int = 0) -> None:
+    """Run `main` of a module; a package that is missing ends the process with one line that names what is needed."""
     def end(signum: int, frame: FrameType | None) -> None:
-        os._exit(status)
+        os._exit(interrupted)  # nothing has begun yet; `main` sets its own handlers
 
     for ending in (signal.SIGINT, signal.SIGTERM):
         signal.signal(ending, end)
+    try:
+        main = importlib.import_module(f'manta_sim_ros.{module}').main
+    except ModuleNotFoundError as error:
+        name = os.path.basename(sys.argv[0])
+        sys.exit(f'{name}: there is no module {error.name}; {name} needs {needs}')
+    main()

@@ -35,7 +35,7 @@ def fin_loads(
     Returns
     -------
     numpy.ndarray
-        (2, n, m) [fin, chain, link] [Pa], positive where the water pushes the link along n, that is, up.
+        (2, n, m) by fin, chain and link [Pa], positive where the water pushes the link along n, that is, up.
 
     Raises
     ------

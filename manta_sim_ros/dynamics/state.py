@@ -60,11 +60,11 @@ class State:
     the last step, which the fins see in the next step; with the monolithic coupling it is that at `time`, once a step
     was taken."""
     joint_angles: FloatArray
-    """(2, n, m) [fin, chain, link] [rad], positive with the tip up on both sides."""
+    """(2, n, m) by fin, chain and link [rad], positive with the tip up on both sides."""
     joint_rates: FloatArray
     """(2, n, m) [rad/s]."""
     rod_angles: FloatArray
-    """(2, 2) [fin, front or rear] [rad]."""
+    """(2, 2) by fin and rod (front, rear) [rad]."""
     fin_wrenches: FloatArray
     """(2, 6) force [N] and moment [N m] of each fin on the body about its center of mass, at the end of the step."""
     gait: FloatArray

@@ -14,7 +14,7 @@ STEP = 1e-20
 
 
 def support_angles(parameters: Parameters, rod_angles: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return theta and beta (..., 2) [fin] [rad]: F_0 is F_b rotated by theta about z, then by beta about y, (9).
+    """Return theta and beta (..., 2) of each fin [rad]: F_0 is F_b rotated by theta about z, then by beta about y, (9).
 
     `rod_angles` (..., 2, 2) are those of `fin_surfaces`. On the right, the angles are those of the mirrored fin.
     """
@@ -32,7 +32,7 @@ def _support_sines(parameters: Parameters, rod_angles: FloatArray) -> tuple[Floa
 
 
 def rod_rates(rods: Rods, state: State) -> FloatArray:
-    """Return the rates of the rods (2, 2) [fin, front or rear] [rad/s], from (38) with the smoothed gait."""
+    """Return the rates of the rods (2, 2) by fin and rod (front, rear) [rad/s], from (38) with the smoothed gait."""
     amplitude, frequency, phase, front_bias, rear_bias = (state.gait + 1j * STEP * state.gait_rates).T
     psi = state.cycle_angles + 2j * np.pi * STEP * frequency.real
     front = np.arcsin(rods.rear_radius / rods.front_radius * np.sin(amplitude))
@@ -54,14 +54,14 @@ def fin_surfaces(parameters: Parameters, rod_angles: FloatArray, joint_angles: F
     parameters
         Sizes of rods and fins.
     rod_angles
-        (..., 2, 2) [fin, front or rear] [rad], as in `State`; leading axes are for many states.
+        (..., 2, 2) by fin and rod (front, rear) [rad], as in `State`; leading axes are for many states.
     joint_angles
-        (..., 2, n, m) [fin, chain, link] [rad].
+        (..., 2, n, m) by fin, chain and link [rad].
 
     Returns
     -------
     numpy.ndarray
-        (..., 2, n, m + 1, 3) [fin, chain, node, x y z] [m]: node 0 is the root on the support, node m the tip.
+        (..., 2, n, m + 1, 3) by fin, chain, node and coordinate [m]: node 0 is the root on the support, node m the tip.
 
     """
     rods, fin = parameters.rods, parameters.fin

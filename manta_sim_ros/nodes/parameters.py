@@ -38,7 +38,7 @@ def declare(node: Node) -> Settings:
         if name not in known:
             near = difflib.get_close_matches(name, known, n=1)
             node.get_logger().warning(
-                f'{name} is not a parameter of this node and has no effect{f"; is {near[0]} meant?" if near else ""}')
+                f'{name} is no parameter of this node and has no effect{f"; is {near[0]} meant?" if near else ""}')
     settings = Settings().replace((name, value) for name, value in given.items() if name in known)
     for name, about in known.items():
         value = settings.value(name)
