@@ -1,4 +1,4 @@
-"""How long the built `sim_node` takes to its first message, and what it costs to keep it running."""
+"""Time from the start of the built `sim_node` to its first message, and processor time while it runs."""
 
 from __future__ import annotations
 
@@ -11,11 +11,12 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import rclpy
-from ament_index_python.packages import get_package_prefix
 from geometry_msgs.msg import PoseStamped
 from rclpy.node import Node
 from std_msgs.msg import Float64MultiArray
 from visualization_msgs.msg import MarkerArray
+
+from evidence.harness.processes import command_of
 
 STARTED_WITHIN = 300.0  # s, a first start on a slow machine
 SETTLED = 2.0  # s after the first message, before processor time is counted
@@ -23,10 +24,10 @@ SWIM = [0.7, 0.7, 0.6, 0.6, 0.7, 0.7]
 
 
 def node_figures(starts: int, seconds: float) -> dict[str, float]:
-    """Measure the first start, `starts` warm starts, and the processor time over `seconds` of swimming at 100 Hz.
+    """Measure the first start, `starts` later starts, and the processor time over `seconds` of swimming at 100 Hz.
 
-    A start lasts from the birth of the process to its first `pose`; the first one finds no compiled kernels. The
-    processor shares are those of one core, without and with somebody who looks at the markers.
+    A start lasts from the creation of the process to its first `pose`; the first one finds no compiled kernels. The
+    processor shares are those of one core, without and with a subscriber of the markers.
     """
     rclpy.init()
     with tempfile.TemporaryDirectory() as kernels:
@@ -79,9 +80,8 @@ def _processor_share(pid: int, wait: Callable[[], None]) -> float:
 
 @contextlib.contextmanager
 def _running(kernels: str) -> Iterator[subprocess.Popen]:
-    program = Path(get_package_prefix('manta_sim_ros')) / 'lib' / 'manta_sim_ros' / 'sim_node'
     process = subprocess.Popen(
-        [program], env=os.environ | {'NUMBA_CACHE_DIR': kernels}, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
+        command_of('sim_node'), env=os.environ | {'NUMBA_CACHE_DIR': kernels}, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
     )
     try:
         yield process
@@ -91,6 +91,6 @@ def _running(kernels: str) -> Iterator[subprocess.Popen]:
 
 
 def _processor_time(pid: int) -> float:
-    """Processor time of a process [s], user and system."""
+    """Return the processor time of a process [s], user and system."""
     fields = Path(f'/proc/{pid}/stat').read_text(encoding='ascii').rpartition(')')[2].split()
     return (int(fields[11]) + int(fields[12])) / os.sysconf('SC_CLK_TCK')

@@ -1,0 +1,76 @@
+"""The page docs/benchmark.md."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from evidence.benchmark.baselines import EVALUATIONS, PAPER_SPAN, PAPER_TIME
+from evidence.report import prose, table
+from manta_sim_ros.dynamics import Parameters
+
+HEAD = """# Benchmark
+
+`make bench` wrote this page. It times the simulator beside other programs in the same run, one after the other in every
+round, on one core with single-threaded libraries. Absolute times depend on the machine; the ratios hardly do.
+"""
+TIMES = {
+    'our step': 'our step: both fins, Runge-Kutta, wrench, body',
+    'monolithic step': 'our step, monolithic coupling',
+    'monolithic step with added mass': 'our step, monolithic coupling, with added mass',
+    'our evaluation': f'our evaluation of both fins: step / {EVALUATIONS}',
+    'aba local': '`aba` of Pinocchio, the same tree, convention LOCAL',
+    'aba world': '`aba` of Pinocchio, the same tree, convention WORLD',
+    'aba call overhead, subtracted': '`aba` of one body, which is subtracted from the two above',
+    'mujoco step': 'Runge-Kutta step of MuJoCo with its own drag, the same tree',
+    'reference step': 'step of the reference implementation in NumPy',
+}
+RATIOS = {  # least wanted ratio
+    'aba local / our evaluation': '5',
+    'aba world / our evaluation': '5',
+    'mujoco step / our step': '4',
+    'reference step / our step': '1000',
+    'paper / ours': '',
+}
+COSTS = {'monolithic step / our step': '2', 'with added mass / our step': '2'}  # greatest wanted ratio
+
+
+def text(figures: dict[str, Any]) -> str:
+    """Return the page."""
+    compared, calls, kept, node = (figures[name] for name in ('compared', 'calls', 'memory', 'node'))
+    steps = round(PAPER_SPAN / Parameters().solver.time_step)
+    return '\n\n'.join([
+        HEAD.strip(),
+        prose(f'Machine: {figures["machine"]}. Fins of {figures["size"]}.'),
+        '## Time of a step',
+        table(('program', 'time [us]'), (
+            (name, f'{1e6 * compared[f"{key} [s]"]:.1f}') for key, name in TIMES.items())),
+        prose(f"""
+The {PAPER_SPAN} s of simulated time that took the paper {PAPER_TIME} s on its machine are {steps} of our steps, which take
+{compared["ours for the paper span [s]"]:.6f} s here. A step costs the same whatever its length. It contains {EVALUATIONS}
+evaluations of both fins, which are compared with one `aba` of a tree with the same 186 degrees of freedom; `aba` computes
+neither drag nor springs."""),
+        '## Ratios',
+        table(('how many times faster our program is', 'ratio', 'wanted, at least'), (
+            (name, f'{compared[name]:.1f}', least) for name, least in RATIOS.items())),
+        table(('cost relative to our step', 'ratio', 'wanted, at most'), (
+            (name, f'{compared[name]:.2f}', most) for name, most in COSTS.items())),
+        '## Size of the fins',
+        *(block for quantity, cost in figures['cost'].items() for block in (
+            prose(f'The time of a step grows with the number of {quantity} to the power of {cost["exponent"]:.2f}, over '
+                  f'the larger half of the sizes to the power of {cost["exponent of the larger half"]:.2f}.'),
+            table((quantity, 'time of a step [us]'), (
+                (str(size), f'{1e6 * seconds:.1f}') for size, seconds in cost['step [s]'].items())))),
+        '## Calls from Python',
+        table(('call', 'time [us]'), (
+            (name.removesuffix(' [s]'), f'{1e6 * seconds:.0f}') for name, seconds in calls.items())),
+        prose(f"""
+The resident memory is {kept["before [MiB]"]:.1f} MiB before and {kept["after [MiB]"]:.1f} MiB after
+{kept["simulated [s]"]:.0f} s of simulated swimming."""),
+        '## The node',
+        table(('sim_node', 'value', 'wanted, at most'), (
+            ('first start to first message, kernels not compiled [s]', f'{node["first start [s]"]:.1f}', ''),
+            ('later start to first message [s]', f'{node["warm start [s]"]:.2f}', '3'),
+            ('share of a core at 100 Hz [%]', f'{100.0 * node["processor share"]:.1f}', '15'),
+            ('share of a core at 100 Hz with markers [%]', f'{100.0 * node["processor share with markers"]:.1f}', '25'),
+        )),
+    ]) + '\n'
