@@ -190,7 +190,10 @@ fi
 
 # -- the package
 
-sources() { find package.xml setup.py setup.cfg resource config launch rviz urdf manta_sim_ros -type f ! -name '*.pyc' ! -name '*.nb[ci]' -print0; }
+sources() {
+  find package.xml setup.py setup.cfg resource config launch rviz urdf manta_sim_ros \
+    -type f ! -name '*.pyc' ! -name '*.nb[ci]' -print0
+}
 build_key=$({ echo "$runtime_key"; sources | LC_ALL=C sort -z | xargs -0 sha256sum; } | digest)
 build_stamp=install/$distribution/build.stamp
 if [ -n "$build" ] && [ "$(cat "$build_stamp" 2>/dev/null)" != "$build_key" ]; then
@@ -200,6 +203,7 @@ if [ -n "$build" ] && [ "$(cat "$build_stamp" 2>/dev/null)" != "$build_key" ]; t
   rm -rf "build/$distribution/manta_sim_ros/build"
   if [ -f "build/$distribution/manta_sim_ros/install.log" ]; then
     grep -F "$root/install/$distribution/" "build/$distribution/manta_sim_ros/install.log" | xargs -r -d '\n' rm -f
+    find "install/$distribution/manta_sim_ros" -depth -type d -empty -delete  # such as the metadata of another version
   fi
   quietly "$python" -m colcon --log-base "build/$distribution/log" build --paths . \
     --build-base "build/$distribution" --install-base "install/$distribution" \

@@ -1,0 +1,60 @@
+"""The examples with ROS run as they are beside a real simulator."""
+
+import math
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+from nav_msgs.msg import Odometry
+
+from evidence.harness.processes import LIMIT
+from manta_sim_ros.dynamics import FinCommand, Simulator
+
+EXAMPLES = Path(__file__).parents[2] / 'examples'
+FREQUENCY, PHASE = 0.6, math.radians(40.0)
+
+
+def test_lockstep_moves_the_robot_as_the_library_does(launch):
+    launch('sim_node', '-p start_paused:=true -p step_duration:=0.5')
+    ended = subprocess.run([sys.executable, EXAMPLES / 'lockstep.py'], capture_output=True, text=True, timeout=LIMIT)
+    assert ended.returncode == 0, ended.stderr
+    expected, simulator = [], Simulator()
+    for amplitude in (5, 10, 15, 20, 25, 30, 35, 40):
+        gait = FinCommand(amplitude=math.radians(amplitude), frequency=FREQUENCY, phase=PHASE)
+        simulator.command(left=gait, right=gait)
+        state = simulator.advance(0.5)
+        expected.append(f'{state.time:.1f} s: x = {state.position[0]:.4f} m')
+    assert ended.stdout.splitlines() == expected
+
+
+def test_lockstep_without_a_simulator_says_so():
+    ended = subprocess.run([sys.executable, EXAMPLES / 'lockstep.py'], capture_output=True, text=True, timeout=LIMIT)
+    assert ended.returncode == 1
+    assert ended.stderr.splitlines()[-1] == (
+        'RuntimeError: no service manta_sim/reset within 10 s: is the simulator running?')
+
+
+def test_turn_with_feedback_turns_to_the_heading_and_holds_it(launch, probe):
+    launch('sim_node', '-p real_time_factor:=8.0')
+    odometry = probe.record(Odometry, 'odom')
+
+    def heading(message):
+        q = message.pose.pose.orientation
+        return 2.0 * math.atan2(q.z, q.w)
+
+    controller = subprocess.Popen(
+        [sys.executable, EXAMPLES / 'turn_with_feedback.py', '--ros-args', '-p', 'use_sim_time:=true',
+         '-p', 'heading:=-0.8'], stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True, env=os.environ)
+    try:
+        probe.until(lambda: odometry and abs(heading(odometry[-1]) + 0.8) < 0.02, 'the heading')
+        reached = odometry.stamps[-1]
+        probe.until(lambda: odometry.stamps[-1] > reached + 5_000_000_000, '5 s of simulated time')
+    finally:
+        controller.terminate()
+        _, errors = controller.communicate(timeout=LIMIT)
+    assert controller.returncode == 0, errors
+    assert re.search(r'heading -?0\.\d\d rad', errors)
+    held = [heading(message) for message, stamp in zip(odometry, odometry.stamps) if stamp > reached]
+    assert max(abs(value + 0.8) for value in held) < 0.1  # the body oscillates with the fins
