@@ -1,9 +1,10 @@
-"""What shows that the simulator is right and fast: references, verification, the paper's results, and a benchmark.
+"""Evidence that the simulator is correct and fast: references, verification, the paper's results, and a benchmark.
 
-Run from the root of the repository, such as `python -m evidence.verification`; not installed.
+It is not installed. Run its parts from the root of the repository, for example `python -m evidence.verification`.
 """
 
 import os
 
-# One thread each, which numerical libraries read when they are imported: several processes share the cores.
+# Numerical libraries read these variables when they are imported. Several processes share the cores, so each one gets
+# a single thread.
 os.environ.update({f'{library}_NUM_THREADS': '1' for library in ('OMP', 'OPENBLAS', 'MKL', 'NUMBA')})

@@ -1,4 +1,4 @@
-"""Pages in Markdown: paragraphs, tables and pictures, for every page that a measurement writes."""
+"""Pages in Markdown: the paragraphs, tables and pictures of every page that a measurement writes."""
 
 from __future__ import annotations
 
@@ -7,11 +7,11 @@ import textwrap
 from collections.abc import Iterable, Sequence
 
 WIDTH = 120
-"""Of lines of prose [characters], whatever the length of the numbers in it."""
+"""Greatest length of a line of prose [characters]."""
 
 
 def prose(text: str) -> str:
-    """Return paragraphs in lines of even length; a paragraph that is a table stays as it is."""
+    """Return paragraphs with their lines filled up to WIDTH; a paragraph that is a table stays as it is."""
     return '\n\n'.join(
         paragraph if paragraph.startswith('|')
         else textwrap.fill(' '.join(paragraph.split()), WIDTH, break_long_words=False, break_on_hyphens=False)
@@ -19,7 +19,7 @@ def prose(text: str) -> str:
 
 
 def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    """Return a table."""
+    """Return a table with a head and rows of cells."""
     return '\n'.join(table_row(cells) for cells in (head, ['---'] * len(head), *rows))
 
 
@@ -29,12 +29,12 @@ def table_row(cells: Iterable[str]) -> str:
 
 
 def picture(path: str, caption: str) -> str:
-    """Return a picture with its caption as the text for those who do not see it."""
+    """Return a picture; its caption is its alternative text."""
     return f'![{caption}]({path})'
 
 
 def read_table(text: str) -> list[list[str]]:
-    """Return the first table of a text: its head, then its rows, each as the list of its cells."""
+    """Return the first table of a text: its head, then its rows, each as a list of cells."""
     found = re.search(r'^\|.*?(?=^[^|]|\Z)', text, flags=re.MULTILINE | re.DOTALL)
     lines = filter(None, found[0].splitlines()) if found else ()
     rows = [[cell.strip().replace(r'\|', '|') for cell in re.split(r'(?<!\\)\|', line)[1:-1]] for line in lines]

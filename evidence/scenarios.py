@@ -1,4 +1,4 @@
-"""Parameters, gaits and states that several tests and pieces of evidence share, and the comparison of states."""
+"""Parameters, gaits and states that several tests and pieces of evidence share, and comparisons of states."""
 
 import dataclasses
 import math
@@ -22,12 +22,13 @@ SWIM = FinCommand(amplitude=0.7, frequency=0.6, phase=0.7)
 TURN = FinCommand(amplitude=0.35, frequency=0.8, phase=0.2, front_bias=0.1, rear_bias=-0.05)
 STATE_FIELDS = tuple(field.name for field in dataclasses.fields(State))
 MIRROR = np.array([1.0, -1.0, 1.0, -1.0, 1.0, -1.0])
-"""Of a twist or wrench at the plane y = 0."""
+"""Signs of the components of a twist or a wrench that is mirrored at the plane y = 0."""
 MIRROR_QUATERNION = np.array([-1.0, 1.0, -1.0, 1.0])
+"""The same for a quaternion x, y, z, w."""
 SIZES = [(2, 1), (2, 3), (3, 10), (7, 4), (15, 2), (16, 3), (17, 3), (20, 10), (30, 3)]
-"""Chains and links of fins."""
+"""Numbers of chains and of links of fins."""
 AGREEMENT = 1e-10
-"""Of `fin_dynamics` and its references, relative to the largest entry; measured: below 2e-12 at all `SIZES`."""
+"""Tolerance of `fin_dynamics` and its references, relative to the largest entry; measured: below 2e-12 at all SIZES."""
 COMMANDS = (
     FinCommand(amplitude=0.7, frequency=0.9, phase=0.6, front_bias=0.1, rear_bias=-0.05),
     FinCommand(amplitude=0.4, frequency=0.6, phase=-0.3, rear_bias=0.2),
@@ -43,12 +44,12 @@ NO_WATER = {'water': {'density': 0.0}, 'body': {'gravity': 0.0, 'angular_damping
 
 
 def sized(chains, links, **groups):
-    """Return parameters of fins with so many chains and links, and some values replaced."""
+    """Return parameters of fins with the given numbers of chains and links; `groups` replaces other values."""
     return Parameters().replace(**groups).replace(fin={'chains': chains, 'links': links})
 
 
 def any_moment(parameters, seed):
-    """Return rod motion, joint angles and rates, body twist and acceleration, larger than a robot has them."""
+    """Return random rod motion, joint angles and rates, body twist and acceleration, larger than those of a robot."""
     random = np.random.default_rng(seed)
     joints = (parameters.fin.chains, parameters.fin.links)
     return (
@@ -61,14 +62,14 @@ def any_moment(parameters, seed):
 
 
 def assert_same_dynamics(actual, desired):
-    """Compare joint accelerations, forces and moments."""
+    """Assert that joint accelerations, forces and moments agree."""
     assert_close(actual[0], desired[0], AGREEMENT)
     assert_close(actual[1][:3], desired[1][:3], AGREEMENT)
     assert_close(actual[1][3:], desired[1][3:], AGREEMENT)
 
 
 def other_parameters(chains, links, seed):
-    """Return parameters of which none that a fin knows has its default, nor the same value as another one."""
+    """Return random parameters: each one that a fin uses differs from its default and from all others."""
     random = np.random.default_rng(seed)
     return sized(
         chains, links,
@@ -81,7 +82,7 @@ def other_parameters(chains, links, seed):
 
 
 def any_state(parameters, seed=1):
-    """Return a state in the middle of things: turned, moving, accelerated, with bent fins."""
+    """Return a random state of a moving robot: rotated, accelerated, with bent fins."""
     random = np.random.default_rng(seed)
     joints = (2, parameters.fin.chains, parameters.fin.links)
     orientation = random.normal(size=4)
@@ -93,27 +94,30 @@ def any_state(parameters, seed=1):
 
 
 def settled_rods(parameters, start):
-    """Return (38) and its derivatives as a function of side and time, for `COMMANDS` taken at once at `start`."""
+    """Return (38) and its derivatives as a function of side and time; `COMMANDS` take effect at once at `start`."""
     def rods(side, time):
-        command, rate = COMMANDS[side], 2.0 * math.pi * COMMANDS[side].frequency
-        psi = start.cycle_angles[side] + rate * (time - start.time)
+        command, psi_dot = COMMANDS[side], 2.0 * math.pi * COMMANDS[side].frequency
+        psi = start.cycle_angles[side] + psi_dot * (time - start.time)
         front = math.asin(
             parameters.rods.rear_radius * math.sin(command.amplitude) / parameters.rods.front_radius)
         return np.array([
-            [amplitude * math.sin(x) + bias, amplitude * rate * math.cos(x), -amplitude * rate**2 * math.sin(x)]
+            [amplitude * math.sin(x) + bias, amplitude * psi_dot * math.cos(x), -amplitude * psi_dot**2 * math.sin(x)]
             for amplitude, x, bias in (
                 (front, psi + command.phase, command.front_bias), (command.amplitude, psi, command.rear_bias))])
     return rods
 
 
 def smoothed_rods(parameters, start):
-    """Return the motion of the rods as a function of side and time, for `COMMANDS` smoothed from the start on."""
+    """Return the motion of the rods as a function of side and time; `COMMANDS` are smoothed from `start` on."""
     commanded = dataclasses.replace(start, gait_commands=[command.as_array() for command in COMMANDS])
     return lambda side, time: rods_of(parameters, commanded, side, time - start.time)
 
 
 def rods_of(parameters, state, side, elapsed=0.0):
-    """Return (2, 3) front and rear rod; angle, rate and acceleration, from the kernel of the simulator."""
+    """Return the motion of the rods from the simulator's kernel, `elapsed` [s] after the state.
+
+    The rows (2, 3) are the front and the rear rod; the columns are angle, rate and acceleration [rad, s].
+    """
     gait = Gait(
         state.gait[side].copy(), state.gait_rates[side].copy(), state.gait_commands[side].copy(),
         state.cycle_angles[side])
@@ -121,7 +125,7 @@ def rods_of(parameters, state, side, elapsed=0.0):
 
 
 def mirrored(state):
-    """Return the state seen in a mirror at the plane y = 0; adding 0 makes no difference but to the sign of zeros."""
+    """Return the state mirrored at the plane y = 0. Adding 0 changes only -0, which becomes +0."""
     exchanged = ('joint_angles', 'joint_rates', 'rod_angles', 'gait', 'gait_rates', 'gait_commands', 'cycle_angles')
     return dataclasses.replace(
         state, position=state.position * MIRROR[:3] + 0.0, orientation=state.orientation * MIRROR_QUATERNION + 0.0,
@@ -130,7 +134,7 @@ def mirrored(state):
         **{name: getattr(state, name)[::-1] for name in exchanged})
 
 
-def swum(parameters, duration=0.4):
+def in_transition(parameters, duration=0.4):
     """Return a simulator in the middle of a transition from one gait to another."""
     simulator = Simulator(parameters)
     simulator.command(left=SWIM, right=SWIM)
@@ -141,23 +145,23 @@ def swum(parameters, duration=0.4):
 
 
 def largest_rate(parameters, time_step, left, right, duration=4.0):
-    """Return the largest joint rate [rad/s] of a simulation from rest; infinite when it diverges."""
+    """Return the largest joint rate [rad/s] of a simulation from rest over `duration` [s]; infinity if it diverges."""
     simulator = Simulator(parameters.replace(solver={'time_step': time_step}))
     largest = 0.0
     try:
         with warnings.catch_warnings():
             warnings.simplefilter('ignore', StabilityWarning)
             simulator.command(left=left, right=right)
-        together = max(1, round(0.005 / time_step))
-        for _ in range(round(duration / (together * time_step))):
-            largest = max(largest, float(np.abs(simulator.advance(together * time_step).joint_rates).max()))
+        interval = max(1, round(0.005 / time_step)) * time_step
+        for _ in range(round(duration / interval)):
+            largest = max(largest, float(np.abs(simulator.advance(interval).joint_rates).max()))
     except DivergenceError:
         return math.inf
     return largest
 
 
 def assert_close(actual, desired, relative):
-    """Compare with a tolerance relative to the largest entry."""
+    """Assert that two arrays agree within a tolerance relative to the largest entry of the second."""
     np.testing.assert_allclose(actual, desired, rtol=0.0, atol=relative * np.max(np.abs(desired)))
 
 
@@ -167,7 +171,7 @@ def bits(state):
 
 
 def assert_same_bits(one, other):
-    """Compare states bit by bit."""
+    """Assert that two states agree bit by bit."""
     different = [name for name, value in bits(one).items() if value != bits(other)[name]]
     assert not different
 

@@ -1,7 +1,7 @@
 """Write the tables of the documentation from the code: `make tables`.
 
-A table stands between `<!-- table: NAME -->` and `<!-- end -->` in a page of docs/. With --check nothing is written: the
-exit status is 1 if a table is not the one of the code.
+A table stands between `<!-- table: NAME -->` and `<!-- end -->` in a page of docs/. With --check, nothing is written,
+and the exit status is 1 if a table is not the one of the code.
 """
 
 from __future__ import annotations

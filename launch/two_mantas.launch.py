@@ -1,11 +1,10 @@
 """Start two robots in one world, manta_1 and manta_2: one clock, one tree of frames, a gait each."""
+from launch import LaunchDescription
 from launch.actions import DeclareLaunchArgument, GroupAction, IncludeLaunchDescription
 from launch.conditions import IfCondition
 from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
 from launch_ros.actions import Node
 from launch_ros.substitutions import FindPackageShare
-
-from launch import LaunchDescription
 
 BOOLEANS = ['true', 'false', 'True', 'False']
 SHARE = FindPackageShare('manta_sim_ros')

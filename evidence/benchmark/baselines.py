@@ -1,8 +1,8 @@
 """The programs that are timed: our step beside those of Pinocchio, MuJoCo and the reference implementation.
 
-All programs run in every round, one after the other, and the figures are medians over the rounds (of the ratios too, each
-taken within a round), so that a machine that changes its pace changes it for all of them. Times are the processor time of
-this process: what else the core does does not count.
+All programs run in every round, one after the other, and the figures are medians over the rounds (of the ratios too,
+each taken within a round), so that a machine that changes its pace changes it for all of them. Times are the processor
+time of this process, so that other processes on the core do not count.
 """
 
 from __future__ import annotations
@@ -154,7 +154,7 @@ def compare(parameters: Parameters, quick: bool) -> dict[str, float]:
 
 
 def scaling(parameters: Parameters, quantity: str, sizes: tuple[int, ...], quick: bool) -> dict[str, object]:
-    """Return seconds per step for each size of `fin.<quantity>`, and p of time ~ size^p of all and of the larger half."""
+    """Return seconds per step for each size of `fin.<quantity>`, and p of time ~ size^p for all and the larger half."""
     programs = []
     for size in sizes:
         sized = parameters.replace(fin={quantity: size}, solver={'time_step': SHORT_STEP})

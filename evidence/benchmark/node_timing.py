@@ -81,7 +81,8 @@ def _processor_share(pid: int, wait: Callable[[], None]) -> float:
 @contextlib.contextmanager
 def _running(kernels: str) -> Iterator[subprocess.Popen]:
     process = subprocess.Popen(
-        command_of('sim_node'), env=os.environ | {'NUMBA_CACHE_DIR': kernels}, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
+        command_of('sim_node'), env=os.environ | {'NUMBA_CACHE_DIR': kernels},
+        stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
     )
     try:
         yield process

@@ -45,10 +45,10 @@ def text(figures: dict[str, Any]) -> str:
         table(('program', 'time [us]'), (
             (name, f'{1e6 * compared[f"{key} [s]"]:.1f}') for key, name in TIMES.items())),
         prose(f"""
-The {PAPER_SPAN} s of simulated time that took the paper {PAPER_TIME} s on its machine are {steps} of our steps, which take
-{compared["ours for the paper span [s]"]:.6f} s here. A step costs the same whatever its length. It contains {EVALUATIONS}
-evaluations of both fins, which are compared with one `aba` of a tree with the same 186 degrees of freedom; `aba` computes
-neither drag nor springs."""),
+The {PAPER_SPAN} s of simulated time that took the paper {PAPER_TIME} s on its machine are {steps} of our steps, which
+take {compared["ours for the paper span [s]"]:.6f} s here. A step costs the same whatever its length. It contains
+{EVALUATIONS} evaluations of both fins, which are compared with one `aba` of a tree with the same 186 degrees of
+freedom; `aba` computes neither drag nor springs."""),
         '## Ratios',
         table(('how many times faster our program is', 'ratio', 'wanted, at least'), (
             (name, f'{compared[name]:.1f}', least) for name, least in RATIOS.items())),
@@ -56,8 +56,8 @@ neither drag nor springs."""),
             (name, f'{compared[name]:.2f}', most) for name, most in COSTS.items())),
         '## Size of the fins',
         *(block for quantity, cost in figures['cost'].items() for block in (
-            prose(f'The time of a step grows with the number of {quantity} to the power of {cost["exponent"]:.2f}, over '
-                  f'the larger half of the sizes to the power of {cost["exponent of the larger half"]:.2f}.'),
+            prose(f'The time of a step grows with the number of {quantity} to the power of {cost["exponent"]:.2f}; '
+                  f'over the larger half of the sizes, to the power of {cost["exponent of the larger half"]:.2f}.'),
             table((quantity, 'time of a step [us]'), (
                 (str(size), f'{1e6 * seconds:.1f}') for size, seconds in cost['step [s]'].items())))),
         '## Calls from Python',

@@ -1,1 +1,1 @@
-"""Real nodes in processes of their own, for tests and measurements."""
+"""Real nodes, each in its own process, for tests and measurements."""

@@ -1,4 +1,4 @@
-"""A robot whose time a test holds: paused, stepped and reset by the node's services."""
+"""A robot whose simulated time a test controls with the services of the node: pause, step and reset."""
 
 import re
 
@@ -12,7 +12,7 @@ from std_srvs.srv import SetBool, Trigger
 
 
 class LockstepRobot:
-    """A robot in a namespace of its own whose time this process holds."""
+    """A simulator in its own namespace, whose simulated time this process controls."""
 
     def __init__(self, launch, probe, name, ros_arguments=''):
         self.probe, self.name = probe, name
@@ -24,37 +24,27 @@ class LockstepRobot:
         self.poses = probe.node.create_publisher(PoseStamped, f'/{name}/set_pose', 10)
         probe.until(lambda: self.commands.get_subscription_count() and self.poses.get_subscription_count(), name)
 
-        own = f'/{name}/manta_sim'
         self._clients = {
-            what: probe.node.create_client(kind, f'{own}/{what}') for what, kind in (
+            service: probe.node.create_client(kind, f'/{name}/manta_sim/{service}') for service, kind in (
                 ('pause', SetBool), ('step', Trigger), ('reset', Trigger), ('set_parameters', SetParameters))}
-        for what in ('pause', 'step', 'reset', 'set_parameters'):
-            self._meet(what, data='start_paused' in ros_arguments)
+        paused = 'start_paused' in ros_arguments
+        for service, client in self._clients.items():  # from now on, one call of each gets one answer
+            probe.first_answer(client, client.srv_type.Request(**({'data': paused} if service == 'pause' else {})))
 
-    def _meet(self, what, data):
-        """Call a service until it answers: middleware may lose the answer to a client that is new to the robot."""
-        client = self._clients[what]
-        self.probe.until(client.service_is_ready, what)
-        request = SetBool.Request(data=data) if what == 'pause' else client.srv_type.Request()
-        asked = []
-        self.probe.until(
-            lambda: any(future.done() for future in asked), f'the service {what}',
-            doing=lambda: asked.append(client.call_async(request)), every=2.0)
-
-    def ask(self, what, **request):
-        client = self._clients[what]
+    def ask(self, service, **request):
+        client = self._clients[service]
         return client.call_async(client.srv_type.Request(**request))
 
-    def call(self, what, **request):
-        future = self.ask(what, **request)
-        self.probe.until(future.done, f'answer of {what}')
+    def call(self, service, **request):
+        future = self.ask(service, **request)
+        self.probe.until(future.done, f'the answer of {service}')
         return future.result()
 
     def pause(self, data=True):
         return self.call('pause', data=data)
 
-    def trigger(self, what):
-        return self.call(what)
+    def trigger(self, service):
+        return self.call(service)
 
     def set_parameter(self, name, value):
         (result,) = self.call('set_parameters', parameters=[
@@ -62,7 +52,7 @@ class LockstepRobot:
         return result
 
     def step(self):
-        """Step, and wait until the clock of its end was heard and all that came before it."""
+        """Step, and wait until the clock of its end was received, and the outputs that came before it."""
         before = len(self.clock)
         answer = self.trigger('step')
         assert answer.success, answer.message
@@ -72,7 +62,7 @@ class LockstepRobot:
         return end
 
     def command(self, values):
-        """Command it, and wait until it was taken: a refused one behind it is warned of."""
+        """Command the robot, and wait until the command was taken: the node warns of an empty one behind it."""
         refusals = self.node.output.count('refused so far')
         self.commands.publish(Float64MultiArray(data=values))
         self.probe.until(
@@ -81,6 +71,6 @@ class LockstepRobot:
 
 
 def numbers(odometry, wrench):
-    """Return what is heard of the robot's motion, bit for bit."""
+    """Return the numbers of the motion of the robot in its messages, for a comparison bit by bit."""
     twist, force, torque = odometry.twist.twist, wrench.wrench.force, wrench.wrench.torque
     return [part for vector in (twist.linear, twist.angular, force, torque) for part in (vector.x, vector.y, vector.z)]

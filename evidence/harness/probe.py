@@ -14,7 +14,7 @@ from evidence.harness.processes import LIMIT, NodeProcess
 
 
 class Recording(list):
-    """The messages of one topic since the recording began; `sent` holds when each was sent [ns of the system clock]."""
+    """The messages of one topic since the recording began; `sent` has when each was sent [ns, system clock]."""
 
     def __init__(self, node, message_type, topic):
         self.sent = []
@@ -60,7 +60,7 @@ def _numbers(value):
 
 
 class Probe:
-    """A node in the test's process. It hears only while it waits for something."""
+    """A node in this process. It receives messages only while it waits for something."""
 
     def __init__(self):
         self._context = rclpy.Context()
@@ -73,7 +73,7 @@ class Probe:
         return Recording(self.node, message_type, topic)
 
     def until(self, condition, what, *, doing=None, every=0.1):
-        """Wait for a condition; meanwhile call `doing` again and again, `every` so many seconds."""
+        """Wait for a condition; meanwhile call `doing` again and again, with `every` [s] in between."""
         deadline = time.monotonic() + LIMIT
         due = 0.0
         while not condition():
@@ -90,25 +90,31 @@ class Probe:
         self.until(lambda: time.monotonic() >= end, f'{seconds:g} s of listening')
 
     def call(self, service_type, name, **request):
+        """Call a service of a node that may be new, and return the answer."""
         client = self.node.create_client(service_type, name)
-        self.until(client.service_is_ready, f'service {name}')
-        asked = []  # again and again: middleware may lose the answer to a client that is new to the node
-        self.until(
-            lambda: any(future.done() for future in asked), f'answer of {name}',
-            doing=lambda: asked.append(client.call_async(service_type.Request(**request))), every=5.0)
+        answer = self.first_answer(client, service_type.Request(**request))
         self.node.destroy_client(client)
+        return answer
+
+    def first_answer(self, client, request):
+        """Call again and again until an answer comes: the middleware may lose the answer to a client that is new."""
+        self.until(client.service_is_ready, f'the service {client.srv_name}')
+        asked = []
+        self.until(
+            lambda: any(future.done() for future in asked), f'an answer of {client.srv_name}',
+            doing=lambda: asked.append(client.call_async(request)), every=5.0)
         return next(future for future in asked if future.done()).result()
 
     def topics_of(self, node, namespace='/'):
-        """Return {topic: type} of what a simulator takes, and of what it publishes, without what any node has."""
+        """Return {topic: type} of the subscriptions of a simulator and of its publishers, without those of any node."""
         def ask(names_and_types_by_node):
             return {name: types[0] for name, types in names_and_types_by_node(node, namespace)
                     if name not in ('/rosout', '/parameter_events')}
 
-        known, taken = self.node.get_node_names_and_namespaces, self.node.get_subscriber_names_and_types_by_node
-        self.until(lambda: (node, namespace) in known(), f'the node {node} in {namespace}')
-        self.until(lambda: any(name.endswith('/fin_command') for name in ask(taken)), f'what {node} takes')
-        return ask(taken), ask(self.node.get_publisher_names_and_types_by_node)
+        nodes, subscribed = self.node.get_node_names_and_namespaces, self.node.get_subscriber_names_and_types_by_node
+        self.until(lambda: (node, namespace) in nodes(), f'the node {node} in {namespace}')
+        self.until(lambda: any(name.endswith('/fin_command') for name in ask(subscribed)), f'the topics of {node}')
+        return ask(subscribed), ask(self.node.get_publisher_names_and_types_by_node)
 
     def close(self):
         self._executor.shutdown()

@@ -1,4 +1,4 @@
-"""Real nodes in processes of their own."""
+"""Real nodes, each in its own process."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ import time
 from pathlib import Path
 
 LIMIT = 120.0
-"""Time for anything that is awaited [s]: the first start of all compiles for half a minute."""
+"""Longest time to wait for anything [s]: the first start compiles for half a minute."""
 RCL_LINE = re.compile(r'^\[[A-Z]+\] \[[0-9.]+\] \[rcl\b')
 
 
@@ -30,7 +30,7 @@ def command_of(executable):
 
 
 class NodeProcess:
-    """A node in a process of its own. All that it prints goes to a file."""
+    """A node in its own process. All its output goes to a file."""
 
     present = []
 
@@ -70,7 +70,7 @@ class NodeProcess:
         return self.process.wait(LIMIT)
 
     def refusal(self):
-        """Return the lines that a node printed which ended by itself with an error, without those of rcl."""
+        """Return the lines of a node that ended by itself with an error, without those of rcl."""
         assert self.exit_status() > 0
         NodeProcess.present.remove(self)
         return [line for line in self.output.splitlines() if not RCL_LINE.match(line)]

@@ -1,9 +1,9 @@
-"""A recorder, as `ros2 bag record` is one: a process of its own that writes topics of any type into an MCAP file.
+"""A recorder in its own process, as `ros2 bag record` is one: it writes topics of any type into an MCAP file.
 
     python recorder.py FILE TOPIC ...
 
-Foxglove's `mcap` writes the messages as they come over the wire, with their definitions. A line with its topic and when
-it was sent [ns of the system clock] says that a message was written. SIGINT or SIGTERM ends the recording.
+The package `mcap` writes the serialized messages with their definitions. For each message that was written, one line
+with its topic and its time of sending [ns, system clock] is printed. SIGINT or SIGTERM ends the recording.
 """
 
 import functools
@@ -27,19 +27,19 @@ DEPTH = 100_000
 
 
 def definition(name):
-    """Return the definition of a type and, below it, of all types in it, as rosbag2 puts them together."""
-    known = {}
+    """Return the definition of a type and, below it, of all types in it, in the order of rosbag2."""
+    definitions = {}
 
     def collect(name):
         package, *_, kind = name.split('/')
-        known[f'{package}/{kind}'] = Path(get_package_share_directory(package), 'msg', f'{kind}.msg').read_text()
+        definitions[f'{package}/{kind}'] = Path(get_package_share_directory(package), 'msg', f'{kind}.msg').read_text()
         for field in message_class(name).get_fields_and_field_types().values():
             for part in re.findall(r'\w+/\w+', field):
-                if part not in known:
+                if part not in definitions:
                     collect(part)
 
     collect(name)
-    (_, first), *others = known.items()
+    (_, first), *others = definitions.items()
     return first + ''.join(f'\n{"=" * 80}\nMSG: {part}\n{text}' for part, text in others)
 
 
@@ -50,9 +50,9 @@ def record(node, writer, topics, ended):
         writer.add_message(channel, log_time=time.time_ns(), publish_time=sent, data=message)
         print(topic, sent, flush=True)
 
-    unknown = set(topics)
+    awaited = set(topics)
     while not ended.is_set():
-        for topic in sorted(unknown):
+        for topic in sorted(awaited):
             if publishers := node.get_publishers_info_by_topic(topic):
                 name, offered = publishers[0].topic_type, publishers[0].qos_profile
                 schema = writer.register_schema(name, SchemaEncoding.ROS2, definition(name).encode())
@@ -60,7 +60,7 @@ def record(node, writer, topics, ended):
                 node.create_subscription(
                     message_class(name), topic, functools.partial(write, channel, topic),
                     QoSProfile(depth=DEPTH, reliability=offered.reliability), raw=True)
-                unknown.remove(topic)
+                awaited.remove(topic)
         rclpy.spin_once(node, timeout_sec=0.1)
 
 

@@ -1,1 +1,1 @@
-"""The paper's results beside the simulator's: `python -m evidence.paper` writes docs/paper.md."""
+"""Comparison of the paper's results with the simulator's: `python -m evidence.paper` writes docs/paper.md."""

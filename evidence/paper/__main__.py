@@ -1,4 +1,4 @@
-"""Draw the paper's figures and write docs/paper.md again: `make paper`."""
+"""Draw the paper's figures and write docs/paper.md: `make paper`."""
 
 from __future__ import annotations
 
@@ -12,26 +12,19 @@ from manta_sim_ros.dynamics import compile_kernels
 from manta_sim_ros.figures.command import figure_jobs, made_directory
 from manta_sim_ros.figures.files import whole, write_csv
 from manta_sim_ros.figures.gaits import robot
-from manta_sim_ros.figures.jobs import Done, Job, run_jobs
+from manta_sim_ros.figures.jobs import Job, run_jobs
 from manta_sim_ros.figures.style import save_png
 
 DOCS = Path(__file__).parents[2] / 'docs'
 
 
-def run_case(case: sensitivity.Case, done: Done) -> tuple[float, ...]:
-    """Run one case of the sensitivities."""
-    results = sensitivity.run(case)
-    done()
-    return results
-
-
 def main() -> None:
-    """Draw, measure and write all."""
+    """Draw all figures, measure all results, and write the page."""
     start = time.monotonic()
     plots = made_directory(DOCS / 'paper')
     compile_kernels(robot(), print)
     figures = figure_jobs(plots)
-    cases = [Job('', 1, functools.partial(run_case, case)) for case in sensitivity.cases()]
+    cases = [Job('', 1, functools.partial(sensitivity.run_job, case)) for case in sensitivity.cases()]
     outcomes = run_jobs(figures + cases)
 
     drawn = {name: figure for result in outcomes[:len(figures)] for name, figure in result.items()}
@@ -40,13 +33,13 @@ def main() -> None:
         save_png(sensitivities.draw, path, sensitivities.height)
     with whole(plots / 'sensitivity.csv') as path:
         write_csv(sensitivities.columns(), path)
-    print('measuring what a step costs', flush=True)
+    print('measuring the cost of a step', flush=True)
     results = Results(
         drawn['figure_7'], drawn['figure_8'], drawn['figure_9'], drawn['figure_10'].turning, cost.measure())
     with whole(DOCS / 'paper.md') as path:
         path.write_text(page.text(results, sensitivities), encoding='utf-8')
     print(page.verdicts(results))
-    print(f'written: docs/paper.md and docs/paper, {time.monotonic() - start:.0f} s')
+    print(f'docs/paper.md and docs/paper were written in {time.monotonic() - start:.0f} s.')
 
 
 if __name__ == '__main__':

@@ -1,7 +1,7 @@
-"""What the paper's 0.01 s of simulated time cost: the literal version in NumPy and the library, in one run.
+"""The cost of the paper's 0.01 s of simulated time, for the reference implementation in NumPy and for the library.
 
-Times are this process's processor time, so what else the machine does does not count. Rounds of the library come before
-and after the literal version, which is slow enough for one.
+Times are processor time of this process, so they do not include other work of the machine. Rounds of the library run
+before and after the reference implementation, which is so slow that one round is enough.
 """
 
 from __future__ import annotations
@@ -17,51 +17,51 @@ from manta_sim_ros.dynamics import Parameters, Simulator
 from manta_sim_ros.figures.gaits import STRAIGHT, robot
 
 PAPER_TIME = 0.18
-"""[s] Section 4: computing time of SPAN on an i5-8365U, 30 chains of 3 links a fin."""
+"""Computing time of SPAN in Section 4, on an i5-8365U, with 30 chains of 3 links per fin [s]."""
 SPAN = 0.01
-"""[s] of simulated time."""
+"""Simulated time [s]."""
 ROUNDS = 20
 SPANS = 50
-"""SPAN so many times in each round of the library."""
+"""Number of SPANs in each round of the library."""
 
 
 @dataclasses.dataclass(frozen=True)
 class Cost:
-    """Seconds of one core for SPAN of straight swimming, both fins and the body."""
+    """Computing time on one core for SPAN of the straight gait, with both fins and the body."""
 
-    literal: float
-    """The literal version in NumPy [s]."""
+    reference: float
+    """Time of the reference implementation in NumPy [s]."""
     library: float
-    """The library, median of the rounds [s]."""
+    """Time of the library, the median of the rounds [s]."""
     steps: int
-    """Steps in SPAN, of both."""
+    """Number of steps in SPAN, the same for both."""
     paper: float = PAPER_TIME
-    """What the paper says, of another machine and one step [s]."""
+    """Time in the paper, of another machine and of one step [s]."""
 
 
 def measure(quick: bool = False) -> Cost:
-    """Time both; `quick` takes one step of the literal version and few rounds, for tests."""
+    """Time both; for tests, `quick` runs one step of the reference implementation and few rounds."""
     parameters = robot()
     steps = round(SPAN / parameters.solver.time_step)
     rounds = 3 if quick else ROUNDS
     simulator = Simulator(parameters)
     simulator.command(left=STRAIGHT, right=STRAIGHT)
-    simulator.advance(1.0)  # compiled, and swimming
+    simulator.advance(1.0)  # so that the kernels are compiled and the robot swims
     before = [library_seconds(simulator) for _ in range(rounds)]
-    literal = steps * literal_seconds(parameters, 1 if quick else steps)
+    reference = steps * reference_seconds(parameters, 1 if quick else steps)
     after = [library_seconds(simulator) for _ in range(rounds)]
-    return Cost(literal, float(np.median(before + after)), steps)
+    return Cost(reference, float(np.median(before + after)), steps)
 
 
 def library_seconds(simulator: Simulator) -> float:
-    """Return the seconds that SPAN of a simulation takes."""
+    """Return the computing time [s] of SPAN of a simulation."""
     start = time.process_time()
     simulator.advance(SPANS * SPAN)
     return (time.process_time() - start) / SPANS
 
 
-def literal_seconds(parameters: Parameters, steps: int) -> float:
-    """Return the seconds that a step of the literal version takes, mean of so many from rest on."""
+def reference_seconds(parameters: Parameters, steps: int) -> float:
+    """Return the computing time [s] of a step of the reference implementation, the mean of `steps` steps from rest."""
     state = equations.rest_state(parameters)
     start = time.process_time()
     for _ in range(steps):
@@ -70,5 +70,5 @@ def literal_seconds(parameters: Parameters, steps: int) -> float:
 
 
 def rod_motion(parameters: Parameters, at: float) -> np.ndarray:
-    """Return angle, rate and acceleration (3) of the front and the rear rod (2, 3) in the straight gait, (38)."""
+    """Return angle, rate and acceleration [rad, s] of the front and the rear rod (2, 3) in the straight gait, (38)."""
     return rods_of(parameters, STRAIGHT, np.array([at]))[0]

@@ -14,54 +14,58 @@ from manta_sim_ros.dynamics import Parameters, Quantity
 from manta_sim_ros.figures.figure_8 import AMPLITUDE_OF_PHASES, PHASE_OF_AMPLITUDES
 from manta_sim_ros.figures.figure_9 import WINDOW
 
-HEAD = """# The paper's results, and what this simulator makes of them
+HEAD = """# The paper's results, compared with those of this simulator
 
 Qu et al., *A Rigid-Flexible Coupling Dynamic Model for Robotic Manta with Flexible Pectoral Fins*, J. Mar. Sci. Eng.
-2024, 12, 292, shows its results in Figures 7 to 11. `make paper` draws them again, measures every number on this page,
-and writes it. `ros2 run manta_sim_ros paper_figures` draws the same figures, with their data as CSV, and an animation
-of each gait into a directory of your own. Numbers in parentheses are the paper's equations.
+2024, 12, 292, shows its results in Figures 7 to 11. `make paper` draws these figures with this simulator, measures
+every number on this page, and writes the page. `ros2 run manta_sim_ros paper_figures` writes the same figures, their
+data as CSV files, and an animation of each gait into a directory of your choice. Numbers in parentheses are those of
+the paper's equations.
 """
 FIGURES = ('figure_7', 'figure_8', 'figure_9', 'figure_10', 'figure_11')
 PLOTS = (*FIGURES, 'sensitivity')
-ANIMATION = 'The straight gait, from a camera that stays and from one that follows.'
+ANIMATION = 'The straight gait, seen from a fixed camera and from one that follows the robot.'
 
 
 def text(results: Results, sensitivity: Sensitivity) -> str:
     """Return the page."""
-    said = statements(results)
+    judged = statements(results)
     return '\n\n'.join([
         HEAD.strip(),
-        '## What the paper says', _counted(said), statement_table(said),
+        '## The statements of the paper', _counted(judged), statement_table(judged),
         '## The figures', picture('paper/straight.gif', ANIMATION), *figure_blocks(results),
         '## Where the print is not followed',
-        prose("What is computed instead, and where: names are those of modules and functions in "
-                "`manta_sim_ros/dynamics/_kernels`. [model.md](model.md) says what goes beyond the paper."),
+        prose('The table lists what the simulator computes instead. The last column gives the modules and functions in '
+              '`manta_sim_ros/dynamics/_kernels` that compute it. [model.md](model.md) describes what goes beyond the '
+              'paper.'),
         slip_table(),
         '## Table 1, as used', parameter_table(printed=True),
-        '## What is assumed', *_assumed(sensitivity),
-        '## What a step costs', *_cost(results.cost),
+        '## Assumed values', *_assumed(sensitivity),
+        '## The cost of a step', *_cost(results.cost),
     ]) + '\n'
 
 
 def verdicts(results: Results) -> str:
-    """Return the verdicts as text, a statement a line."""
-    return '\n'.join(f'{said.verdict:<16}  {said.place}: {said.quote}' for said in statements(results))
+    """Return the verdicts as text, one statement per line."""
+    return '\n'.join(
+        f'{statement.verdict:<16}  {statement.place}: {statement.quote}' for statement in statements(results))
 
 
-def statement_table(said: Iterable[Statement]) -> str:
+def statement_table(judged: Iterable[Statement]) -> str:
     """Return the statements as a table in Markdown."""
-    return table(('where', 'the paper', 'here it', 'measured'), (
-        (statement.place, f'"{statement.quote}"', f'**{statement.verdict}**', statement.answer) for statement in said))
+    return table(('place', 'statement of the paper', 'verdict', 'result of the simulator'), (
+        (statement.place, f'"{statement.quote}"', f'**{statement.verdict}**', statement.answer)
+        for statement in judged))
 
 
 def slip_table() -> str:
     """Return the slips of the print as a table in Markdown."""
-    return table(('where', 'in print', 'as implemented', 'code'), (
+    return table(('place', 'in print', 'as implemented', 'code'), (
         (slip.where, slip.printed, slip.implemented, slip.code and f'`{slip.code}`') for slip in SLIPS))
 
 
 def parameter_table(printed: bool) -> str:
-    """Return the parameters whose source is Table 1 as printed, or those with any other source, as a table."""
+    """Return the parameters whose source is Table 1, or those with another source, as a table in Markdown."""
     parameters = Parameters()
     rows = []
     for full_name, about in Parameters.quantities().items():
@@ -75,62 +79,67 @@ def parameter_table(printed: bool) -> str:
 
 
 def is_printed(about: Quantity) -> bool:
-    """Return whether a value stands in Table 1."""
+    """Return whether the source of a value is Table 1."""
     return about.source.startswith('Table 1')
 
 
-def _counted(said: Sequence[Statement]) -> str:
-    counts = collections.Counter(statement.verdict for statement in said)
+def _counted(judged: Sequence[Statement]) -> str:
+    counts = collections.Counter(statement.verdict for statement in judged)
+    verdicts = ', '.join(f'"{verdict}" for {counts[verdict]}' for verdict in (HOLDS, IN_PART, NOT, OPEN))
     return prose(
-        f'{len(said)} statements: '
-        f'{", ".join(f"{counts[verdict]} {verdict}" for verdict in (HOLDS, IN_PART, NOT, OPEN))}. Those that compare '
-        'with experiments cannot be judged, as the text gives no values of these. Quotes are shortened at their ends, '
-        'their symbols simplified.')
+        f'The table has {len(judged)} statements. The verdict is {verdicts}. Statements that compare the model with '
+        'experiments cannot be judged, because the text gives no values of the experiments. Quotes are shortened at '
+        'their ends, and their symbols are simplified.')
 
 
 def figure_blocks(results: Results) -> list[str]:
-    """Return heading, prose and picture of each figure."""
+    """Return the heading, the prose and the picture of each figure."""
     wave, thrust, straight = results.figure_7, results.figure_8, results.figure_9
     (many, turns), (few, few_turns) = list(results.turning.by_chains.items())
     set_1, set_2 = turns
     usual = straight.swims[[one.amplitude for one in straight.swims].index(40.0)]
     return [
-        '### Figure 7: waves along the chord and along the span',
-        prose(f'Body held, gait of Figure 9 (the paper names none). The motion is periodic after '
-                f'{wave.transient} period{"s" * (wave.transient != 1)}; lags are those of the fundamental. Along the '
-                f'chord {listed(wave.chordwise_lags)}° in joints 1 to 3, along the span of the trailing chain '
-                f'{listed(wave.spanwise_lags[1, 1:])}° from joint 1 to joints 2 and 3.'),
+        '### Figure 7: the wave along the chord and along the span',
+        prose('The body is held, and the gait is that of Figure 9, since the paper does not give one. The motion '
+              f'is periodic after {wave.transient} period{"s" * (wave.transient != 1)}. Lags are those of the '
+              'fundamental. Along the chord, the trailing chain lags the leading chain by '
+              f'{listed(wave.chordwise_lags)}° in joints 1 to 3. Along the span of the trailing chain, joints 2 and '
+              f'3 lag joint 1 by {listed(wave.spanwise_lags[1, 1:])}°.'),
         picture('paper/figure_7.png', 'Joint angles of the leading and the trailing chain over two periods.'),
         '### Figure 8: thrust',
         prose(
-            f'Body held; φ = {PHASE_OF_AMPLITUDES:.0f}° on the left, A = {AMPLITUDE_OF_PHASES:.0f}° on the right. The '
-            'mean is that of one period, after the thrust repeats to a thousandth of its swing, which takes at '
-            f'most {thrust.longest_transient} period{"s" * (thrust.longest_transient != 1)}.'),
+            f'The body is held, with φ = {PHASE_OF_AMPLITUDES:.0f}° on the left and A = {AMPLITUDE_OF_PHASES:.0f}° '
+            'on the right. The thrust is averaged over one period, after it has become periodic to a thousandth of '
+            f'its range. This takes at most {thrust.longest_transient} '
+            f'period{"s" * (thrust.longest_transient != 1)}.'),
         picture('paper/figure_8.png', 'Mean thrust of both fins against amplitude and against phase.'),
-        '### Figure 9: straight ahead',
-        prose(f'Mean and ripple are those from {WINDOW[0]:g} to {WINDOW[1]:g} s, as in the paper; the ripple is the '
-                f'largest less the smallest deviation from the average over a period. At A = 40°: {usual.mean:.3f} '
-                f'm/s, ripple {usual.ripple:.3f} m/s. At 50° the robot is so fast that with {many} chains waves run '
-                f'along the chord of its fins, which slow it down; with {few} chains there are none (see "How many '
-                f'chains" in [model.md](model.md)).'),
+        '### Figure 9: the straight gait',
+        prose(f'The mean and the oscillation are those from {WINDOW[0]:g} to {WINDOW[1]:g} s, as in the paper. The '
+              'oscillation is the largest minus the smallest deviation of the speed from its average over a '
+              f'period. At A = 40° the mean is {usual.mean:.3f} m/s, and the oscillation is {usual.oscillation:.3f} '
+              f'm/s. At 50° the robot is so fast that fins with {many} chains are unstable along their chords, '
+              f'which slows the robot down. Fins with {few} chains stay stable (see '
+              '[verification.md](verification.md), "How many chains a fin may have").'),
         picture('paper/figure_9.png', 'Forward speed against time.'),
         '### Figure 10: turns',
         prose(
-            f'Set 1: A 40/40°, φ 40/0° (left/right); set 2: A 40/20°, φ 40/40°. With the paper\'s {many} chains set 1 '
-            f'ends at {set_1.turning_rate:.1f}°/s on a radius of {set_1.turning_radius:.2f} m, set 2 at '
-            f'{set_2.turning_rate:.1f}°/s on {set_2.turning_radius:.2f} m. Both rates are set by the waves along the '
-            f'chord, which brake the yaw. With {few} chains these begin later, and the turns tighten until they do. In '
-            'the first period, before there are any, the yaw rates agree: '
-            f'{listed(turn.yaw_rates[0] for turn in turns)}°/s with {many} chains, '
-            f'{listed(turn.yaw_rates[0] for turn in few_turns)}°/s with {few}.'),
+            f'Set 1 has A = 40/40° and φ = 40/0° (left/right); set 2 has A = 40/20° and φ = 40/40°. With the {many} '
+            f'chains of the paper, set 1 ends with {set_1.turning_rate:.1f}°/s on a radius of '
+            f'{set_1.turning_radius:.2f} m, and set 2 with {set_2.turning_rate:.1f}°/s on a radius of '
+            f'{set_2.turning_radius:.2f} m. Both rates are determined by the chordwise instability of the fins, '
+            f'which brakes the yaw. With {few} chains the instability sets in later, and the turns become tighter '
+            'until then. In the first period, before the instability sets in, the yaw rates of the two sets are '
+            f'{listed(turn.yaw_rates[0] for turn in turns)}°/s with {many} chains and '
+            f'{listed(turn.yaw_rates[0] for turn in few_turns)}°/s with {few} chains.'),
         picture(
             'paper/figure_10.png',
-            'Trajectories of the center of mass; the dot is the end. Left as in the paper, right '
-            'with fewer chains.'),
+            'Trajectories of the center of mass; dots are their ends. The left column has the number of chains of the '
+            'paper, and the right column has fewer chains.'),
         '### Figure 11: the wrench in the turns',
-        prose('Force and moment of both fins on the body about its center of mass, in the body frame. The last row '
-                'is the averaged M_z once more, enlarged: that of set 1 is larger at first and fades as the robot '
-                'turns, that of set 2 stays, until waves run along the chord.'),
+        prose('The figure shows the force and the moment of both fins on the body about its center of mass, in the '
+              'body frame. The last row shows the averaged M_z again on a larger scale. The moment of set 1 is '
+              'larger at first and decreases as the robot turns. The moment of set 2 remains until the chordwise '
+              'instability sets in.'),
         picture('paper/figure_11.png', 'Components of the wrench against time.'),
     ]
 
@@ -138,25 +147,26 @@ def figure_blocks(results: Results) -> list[str]:
 def _assumed(sensitivity: Sensitivity) -> list[str]:
     return [
         prose(
-            'All that Table 1 does not give. The paper begins its gaits at once, and so do all results on this page '
-            '(`rods.command_time_constant` 0).'),
+            'The following values are not given in Table 1. The gaits of the paper start at full amplitude, and so do '
+            'all gaits on this page (`rods.command_time_constant` 0).'),
         parameter_table(printed=False),
         prose(
-            'How much each result hangs on what is assumed, or printed without a clear meaning: change of the result '
-            'when one value is 20 % smaller or larger, the others as they are.'),
+            'The plot and the table below show how much each result depends on the values that are assumed or whose '
+            'printed meaning is not clear. They give the change of the result when one value is 20 % smaller or '
+            'larger, with all other values unchanged.'),
         picture('paper/sensitivity.png', sensitivity.caption),
         sensitivity.table(),
     ]
 
 
 def cost_table(cost: Cost) -> str:
-    """Return what the paper's program, the literal version and the library cost as a table in Markdown."""
+    """Return the cost of the paper's program, the reference implementation and the library as a table in Markdown."""
     rows = [
-        ("the paper's Python, on its own machine", cost.paper, 1),
-        ('the literal version in NumPy, 6 x 6 matrices as printed', cost.literal, cost.steps),
+        ("the paper's Python program, on the authors' machine", cost.paper, 1),
+        ('the reference implementation in NumPy, with 6 x 6 matrices', cost.reference, cost.steps),
         ('this library', cost.library, cost.steps),
     ]
-    return table(('program', 'time', 'a step', 'times real time', "the paper's time over it"), (
+    return table(('program', 'time', 'time per step', 'simulated over computing time', 'speedup over the paper'), (
         (name, f'{seconds:.2g} s', f'{seconds / steps:.2g} s', f'{0.01 / seconds:.2g}', f'{cost.paper / seconds:.2g}')
         for name, seconds, steps in rows))
 
@@ -164,8 +174,8 @@ def cost_table(cost: Cost) -> str:
 def _cost(cost: Cost) -> list[str]:
     return [
         prose(
-            'Computing time of 0.01 s of swimming, 30 chains of 3 links a fin. The lower two on one core in the same '
-            'run, five steps of 0.002 s; the first is the paper\'s figure, one step of 0.01 s. `make bench` compares '
-            'with others.'),
+            'The table shows the computing time of 0.01 s of swimming with 30 chains of 3 links per fin. The first '
+            'row is the time that the paper gives for one step of 0.01 s. The other two rows were measured in one '
+            'run on one core, with five steps of 0.002 s. `make bench` compares the simulator with other programs.'),
         cost_table(cost),
     ]

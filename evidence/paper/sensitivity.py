@@ -1,9 +1,10 @@
-"""How much the paper's results change when a value that the paper does not settle is 20 % smaller or greater.
+"""The change of the paper's results when a value that the paper does not settle is 20 % smaller or greater.
 
-One value at a time, the others at their defaults, all with the default time step. It is below the largest stable step
-of every variant: a StabilityWarning would end the measurement. Everything is measured twice, with the paper's number of
-chains a fin and with few, along whose chord waves run later: what differs between the two is an effect of the grid.
-`record.flap` shortens a time step to divide the time between two samples, so `solver.time_step` changes by about 20 %.
+One value is varied at a time, with the others at their defaults, and with the default time step. This step is below the
+largest stable step of every variant, since a StabilityWarning would end the measurement. Everything is measured twice,
+with the paper's number of chains per fin and with few chains, for which the chordwise instability sets in later. The
+difference between the two is an effect of the grid. `record.flap` shortens a time step so that it divides the time
+between two samples, so `solver.time_step` changes by about 20 %.
 """
 
 from __future__ import annotations
@@ -17,10 +18,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from evidence import report
 from manta_sim_ros.dynamics import Parameters, StabilityWarning, largest_stable_step
 from manta_sim_ros.figures.figure_8 import mean_thrust
 from manta_sim_ros.figures.figure_9 import FREQUENCY, PHASE, WINDOW, swim
 from manta_sim_ros.figures.gaits import FEW_CHAINS, STRAIGHT, TURN_FREQUENCY, TURNS, robot
+from manta_sim_ros.figures.jobs import Done
 from manta_sim_ros.figures.record import record
 from manta_sim_ros.figures.turning import PERIODS, Turn
 
@@ -35,32 +38,32 @@ SYMBOLS = {
 }
 """The paper's symbol of each value that is varied.
 
-The first four are assumed; the print leaves the next four unclear (a vector is scaled as a whole); the time step is
-chosen. So is `rods.command_time_constant`, which is 0 in the paper's gaits: 20 % of it is nothing.
+The first four are assumed. The print leaves the next four unclear; a vector is scaled as a whole. The time step is
+chosen. `rods.command_time_constant` is chosen too, but it is 0 in the paper's gaits and cannot be scaled.
 """
 VALUES = tuple(SYMBOLS)
-"""Names of what is varied, as in the parameter file."""
+"""Names of the values that are varied, as in the parameter file."""
 
 CHANGE = 0.2
 FACTORS = (1.0 - CHANGE, 1.0 + CHANGE)
 COLORS = ('#d55e00', '#0072b2')
-"""Of the smaller and of the greater value."""
+"""Colors of the smaller and of the greater value."""
 OFFSETS = (-0.2, 0.2)
-"""Of their bars from the middle of a row."""
+"""Distances of their bars from the middle of a row."""
 VISIBLE = 0.05
-"""[%] below which a bar has no number."""
+"""Smallest effect that is written beside its bar [%]."""
 VARIANTS: tuple[tuple[str | None, float], ...] = ((None, 1.0), *itertools.product(VALUES, FACTORS))
-"""Name and factor: nothing varied, then each value smaller and greater."""
+"""Name and factor of the default robot, and of each value smaller and greater."""
 
 AMPLITUDE = 40.0
-"""[degrees], held and straight ahead."""
+"""Amplitude of the held robot and of the straight gait [degrees]."""
 SECOND = 1
-"""Index of the second flapping period, where the number of chains hardly matters in set 2."""
+"""Index of the second flapping period, in which the number of chains hardly affects set 2."""
 
 
 @dataclasses.dataclass(frozen=True)
 class Result:
-    """Something that the paper reports."""
+    """A result that the paper reports."""
 
     name: str
     unit: str
@@ -74,12 +77,15 @@ RESULTS = (
     Result('yaw rate in period 2, set 1', 'degrees/s'),
     Result('turning rate, set 1', 'degrees/s'),
 )
-"""Held and straight: A 40 degrees, f 0.6 Hz, phi 40 degrees. Turns: Figure 10; rates are positive to the left."""
+"""The first two are for A = 40 degrees, f = 0.6 Hz, phi = 40 degrees; the turns are those of Figure 10.
+
+Rates are positive to the left.
+"""
 
 
 @dataclasses.dataclass(frozen=True)
 class Case:
-    """A robot whose `value` is `factor` times the default, or the default robot; it turns for `periods`."""
+    """A robot whose `value` is `factor` times the default, or the default robot if it is None; turns last `periods`."""
 
     value: str | None
     factor: float
@@ -92,7 +98,7 @@ class Case:
         Raises
         ------
         ValueError
-            The support could not close, or a value would be out of its bounds.
+            The support cannot close, or a value is out of its bounds.
 
         """
         base = robot(fin={'chains': self.chains})
@@ -105,21 +111,21 @@ class Case:
 
 
 def grid(quick: bool) -> tuple[int, int]:
-    """Return the number of chains a fin, beside FEW_CHAINS, and of periods of the turns; `quick` is for tests."""
+    """Return the number of chains per fin besides FEW_CHAINS, and of periods of a turn; `quick` is for tests."""
     return (FEW_CHAINS, 4) if quick else (Parameters().fin.chains, PERIODS)
 
 
 def cases(quick: bool = False) -> tuple[Case, ...]:
-    """Return all that there is to run, each once."""
+    """Return all cases, each of them once."""
     chains, periods = grid(quick)
     return tuple(dict.fromkeys(
         Case(value, factor, number, periods) for number in (chains, FEW_CHAINS) for value, factor in VARIANTS))
 
 
 def run(case: Case) -> tuple[float, ...]:
-    """Return RESULTS of a case; NaN, all of them, when such a robot or its gait is impossible.
+    """Return RESULTS of a case; all of them are NaN if this robot or its gait is impossible.
 
-    Every gait has a fin with the amplitude and phase of the straight one, so all are impossible together.
+    In every gait a fin has the amplitude and phase of the straight gait, so all gaits are impossible together.
 
     Raises
     ------
@@ -143,6 +149,13 @@ def run(case: Case) -> tuple[float, ...]:
         )
 
 
+def run_job(case: Case, done: Done) -> tuple[float, ...]:
+    """Run a case as a job: call `done`, and return the results of `run`."""
+    results = run(case)
+    done()
+    return results
+
+
 def yaw_rates(parameters: Parameters, name: str, periods: int) -> tuple[float, float]:
     """Return the yaw rate of a turn in its second period and over its last quarter [degrees/s]."""
     turn = Turn(name, record(parameters, *TURNS[name], periods))
@@ -151,21 +164,21 @@ def yaw_rates(parameters: Parameters, name: str, periods: int) -> tuple[float, f
 
 @dataclasses.dataclass(frozen=True)
 class Sensitivity:
-    """RESULTS, R of them, of the default robot and where each of VALUES, V of them, is smaller and greater."""
+    """The R RESULTS of the default robot, and of robots with each of the V VALUES smaller and greater."""
 
     height = 5.8
 
     chains: int
     periods: int
-    """Length of the turns."""
+    """Number of flapping periods of a turn."""
     results: np.ndarray
-    """(1 + 2 V, R) of VARIANTS in their units, NaN where a variant is impossible."""
+    """(1 + 2 V, R) results of VARIANTS in their units; NaN where a variant is impossible."""
     smooth: np.ndarray
-    """(1 + 2 V, R) the same with FEW_CHAINS chains a fin."""
+    """(1 + 2 V, R) the same with FEW_CHAINS chains per fin."""
 
     @classmethod
     def of(cls, outcomes: Iterable[tuple[float, ...]], quick: bool = False) -> Sensitivity:
-        """Put what `run` returned for each of `cases(quick)` together."""
+        """Build the sensitivity from the results of `run` for each of `cases(quick)`."""
         outcome_of = dict(zip(cases(quick), outcomes, strict=True))
         chains, periods = grid(quick)
         results, smooth = (
@@ -175,27 +188,27 @@ class Sensitivity:
 
     @property
     def base(self) -> np.ndarray:
-        """(R,) of the default robot."""
+        """(R,) results of the default robot."""
         return self.results[0]
 
     @property
     def effects(self) -> np.ndarray:
-        """(V, 2, R) relative change of each result, of the smaller and of the greater value [%]."""
+        """(V, 2, R) relative change of each result for the smaller and for the greater value [%]."""
         return changes(self.results)
 
     @property
     def smooth_effects(self) -> np.ndarray:
-        """(V, 2, R) the same with FEW_CHAINS chains a fin [%]."""
+        """(V, 2, R) the same with FEW_CHAINS chains per fin [%]."""
         return changes(self.smooth)
 
     @property
     def order(self) -> list[int]:
-        """Indices of VALUES, that with the largest effect on the thrust first; what is impossible comes before all."""
+        """Indices of VALUES by their effect on the thrust, the largest first; impossible variants come before all."""
         largest = np.abs(self.effects[:, :, 0]).max(axis=1)
         return sorted(range(len(VALUES)), key=lambda row: -np.nan_to_num(largest[row], nan=math.inf))
 
     def columns(self) -> dict[str, np.ndarray]:
-        """Return all results as columns of equal length: VARIANTS, then the same with FEW_CHAINS."""
+        """Return all results as columns of equal length: first those of VARIANTS, then the same with FEW_CHAINS."""
         numbers = np.repeat([self.chains, FEW_CHAINS], len(VARIANTS))
         return {
             'varied': np.array([value or 'none' for value, _ in VARIANTS * 2]),
@@ -206,38 +219,40 @@ class Sensitivity:
         }
 
     def table(self) -> str:
-        """Return a Markdown table: the results, then the change of each [%] at -20 % and at +20 % of each value.
+        """Return a Markdown table of the results, and of the change of each [%] at -20 % and at +20 % of each value.
 
-        With both numbers of chains, one row below the other.
+        Each value has a row for the paper's number of chains, and below it one for FEW_CHAINS.
         """
         numbers = (self.chains, FEW_CHAINS)
-        rows = [[f'change [%] at -{100.0 * CHANGE:.0f} / +{100.0 * CHANGE:.0f} %', 'chains',
-                 *(f'{result.name} [{result.unit}]' for result in RESULTS)],
-                ['---', '---:', *('---:' for _ in RESULTS)]]
+        head = [f'change [%] at -{100.0 * CHANGE:.0f} / +{100.0 * CHANGE:.0f} %', 'chains',
+                *(f'{result.name} [{result.unit}]' for result in RESULTS)]
+        rows = []
         for number, results in zip(numbers, (self.results, self.smooth), strict=True):
-            rows.append(['the result itself', str(number), *map(three_digits, results[0])])
+            rows.append(['default robot', str(number), *map(three_digits, results[0])])
         for row in self.order:
             for number, effects in zip(numbers, (self.effects, self.smooth_effects), strict=True):
                 pairs = (f'{percent(low)} / {percent(high)}' for low, high in effects[row].T)
                 rows.append([f'`{VALUES[row]}`', str(number), *pairs])
-        return '\n'.join(f'| {" | ".join(cells)} |' for cells in rows)
+        return report.table(head, rows)
 
     @property
     def caption(self) -> str:
-        """What the chart shows and does not show."""
+        """What the chart shows."""
         (second, few_second), (rate, few_rate) = np.array([self.base, self.smooth[0]]).T[2:4]  # set 2
         return (
             f'Change of each result when one value is {100.0 * CHANGE:.0f} % smaller or greater, with {self.chains} '
-            f'chains a fin (bars, numbers) and with {FEW_CHAINS} (rings); the scales differ. Thrust and speed, mean '
-            f'from {WINDOW[0]:g} to {WINDOW[1]:g} s: A = {AMPLITUDE:g}°, f = {FREQUENCY:g} Hz, φ = {PHASE:g}°. Turns: '
-            f'f = {TURN_FREQUENCY:g} Hz; the turning rate is the mean of the last quarter of {self.periods} periods, '
-            f'+ is a faster turn to the same side, below -100 % one to the other side. The turning rate is set by the '
-            f'grid, as waves run along the chord: in set 2 it is {rate:.1f}°/s with {self.chains} chains and '
-            f'{few_rate:.1f}°/s with {FEW_CHAINS}. In the second period it is {second:.1f}°/s and {few_second:.1f}°/s.'
+            f'chains per fin (bars and numbers) and with {FEW_CHAINS} chains per fin (rings). The panels have '
+            f'different scales. The thrust and the mean speed from {WINDOW[0]:g} to {WINDOW[1]:g} s are those of A = '
+            f'{AMPLITUDE:g}°, f = {FREQUENCY:g} Hz, φ = {PHASE:g}°. The turns have f = {TURN_FREQUENCY:g} Hz, and the '
+            f'turning rate is the mean over the last quarter of {self.periods} periods. A positive change is a faster '
+            'turn to the same side, and a change below -100 % is a turn to the other side. Because of the chordwise '
+            f'instability the turning rate is set by the grid: in set 2 it is {rate:.1f}°/s with {self.chains} chains '
+            f'and {few_rate:.1f}°/s with {FEW_CHAINS} chains. In the second period the yaw rate of set 2 is '
+            f'{second:.1f}°/s and {few_second:.1f}°/s.'
         )
 
     def draw(self, figure: Figure) -> None:
-        """Draw a panel for each result: a row for each value, in the order of the effect on the thrust."""
+        """Draw a panel for each result, with a row for each value in the order of its effect on the thrust."""
         panels = figure.subplots(2, len(RESULTS) // 2, sharey=True)
         bars, rings = self.effects[self.order].T, self.smooth_effects[self.order].T
         for result, base, axes, effects, smooth in zip(RESULTS, self.base, panels.flat, bars, rings, strict=True):
@@ -251,7 +266,7 @@ class Sensitivity:
 
 
 def draw_bars(axes: Axes, effects: np.ndarray, smooth: np.ndarray, chains: int) -> None:
-    """Draw effects (2, V) of smaller and greater values [%] as bars, and those with few chains as rings."""
+    """Draw the effects (2, V) of smaller and greater values [%] as bars, and those with few chains as rings."""
     rows = np.arange(len(VALUES)) + np.array(OFFSETS)[:, np.newaxis]
     for at, of_factor, of_few, factor, color in zip(rows, effects, smooth, FACTORS, COLORS, strict=True):
         label = f'value {100.0 * (factor - 1.0):+.0f} %, {chains} chains'.replace('-', '−')
@@ -270,7 +285,7 @@ def draw_bars(axes: Axes, effects: np.ndarray, smooth: np.ndarray, chains: int) 
 
 
 def write_number(axes: Axes, row: float, effect: float, few: float) -> None:
-    """Write an effect [%] beside its bar, beyond the ring where that is farther out."""
+    """Write an effect [%] beside its bar, or beside the ring if the ring is farther out."""
     if abs(effect) < VISIBLE:
         return
     side = -1.0 if effect < 0.0 else 1.0
@@ -280,7 +295,7 @@ def write_number(axes: Axes, row: float, effect: float, few: float) -> None:
 
 
 def changes(results: np.ndarray) -> np.ndarray:
-    """Return the relative change (V, 2, R) [%] in results (1 + 2 V, R) of VARIANTS."""
+    """Return the relative changes (V, 2, R) [%] in the results (1 + 2 V, R) of VARIANTS."""
     return 100.0 * (results[1:].reshape(len(VALUES), len(FACTORS), -1) / results[0] - 1.0)
 
 
@@ -290,7 +305,7 @@ def three_digits(value: float) -> str:
 
 
 def percent(change: float) -> str:
-    """Return a change [%] with its sign and one digit, or that it is impossible."""
+    """Return a change [%] with its sign and one decimal, or 'impossible' for NaN."""
     if math.isnan(change):
         return 'impossible'
     text = f'{change:+.1f}'
@@ -298,7 +313,7 @@ def percent(change: float) -> str:
 
 
 def measure(done: Callable[[], object] = lambda: None, quick: bool = False) -> Sensitivity:
-    """Run all cases in turn; `done` is called after each."""
+    """Run all cases one after the other; `done` is called after each."""
     outcomes = []
     for case in cases(quick):
         outcomes.append(run(case))

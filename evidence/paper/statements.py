@@ -1,4 +1,4 @@
-"""What the paper says of its results, in short quotes, and what the simulator answers, from measured numbers."""
+"""Statements of the paper about its results, as short quotes, and the simulator's results, from measured numbers."""
 
 from __future__ import annotations
 
@@ -18,31 +18,31 @@ from manta_sim_ros.figures.turning import Turn, Turning
 
 HOLDS, IN_PART, NOT, OPEN = 'holds', 'holds in part', 'does not hold', 'cannot be judged'
 
-PAPER_STEP = 0.01  # s, Section 4
-FORAGING = (0.25, 0.47)  # m/s, Section 1.1
+PAPER_STEP = 0.01  # [s], Section 4
+FORAGING = (0.25, 0.47)  # [m/s], Section 1.1
 MINOR_ATTACK = 10.0
-"""Angle of attack [degrees]: beyond it a plate stalls, and it is certainly not minor."""
+"""Angle of attack [degrees] above which a plate stalls, so that it is certainly not minor."""
 NOTICEABLE = 0.5
-"""A lag along the span is called highly noticeable from this part of the lag along the chord on."""
+"""Ratio of the lag along the span to the lag along the chord above which the former is highly noticeable."""
 SAME_HEIGHT = 1e-3
-"""Relative: the samples of a period miss the highest point of a rod by less."""
+"""Relative difference of two heights; the samples of a period miss the highest point of a rod by less."""
 OSCILLATING = 0.01
-"""Ripple over mean speed from which on a speed is said to oscillate."""
+"""Ratio of peak-to-peak oscillation to mean speed above which a speed oscillates."""
 STEADY_MOMENT = 0.1
-"""A moment is stable over periods in which its mean stays within this part of the mean of all of them."""
+"""A moment is stable over periods if the mean of each is within this share of the mean of all of them."""
 STEADY_PERIODS = 10
-"""For so many periods, half of what the paper shows, a moment must be stable to be called consistent."""
+"""Number of periods, half of what the paper shows, over which a consistent moment must be stable."""
 PLAUSIBLE = 10.0
-"""Factor between a literal version in NumPy and the paper's program within which its time is plausible."""
+"""Largest ratio between the times of the reference implementation and of the paper's program that is plausible."""
 OF_THE_GRID = 0.2
-"""Relative difference between numbers of chains from which on a result is not that of the model but of the grid."""
+"""Relative difference between numbers of chains above which a result is one of the grid and not of the model."""
 
-NO_EXPERIMENT = "The text gives no values of the experiment."
+NO_EXPERIMENT = 'The text gives no values of the experiment.'
 
 
 @dataclasses.dataclass(frozen=True)
 class Results:
-    """All that the statements are held against."""
+    """All results that the statements are compared with."""
 
     figure_7: Figure7
     figure_8: Figure8
@@ -53,7 +53,7 @@ class Results:
 
 @dataclasses.dataclass(frozen=True)
 class Statement:
-    """A statement of the paper: where, its words, whether it holds for the simulator, and what was measured."""
+    """A statement of the paper: its place, its words, whether it holds for the simulator, and the measured answer."""
 
     place: str
     quote: str
@@ -65,7 +65,7 @@ def statements(results: Results) -> list[Statement]:
     """Return all statements, in the order of the paper."""
     return [
         *_introduction(results),
-        *_modelling(results),
+        *_modeling(results),
         *_computing(results.cost),
         *_wave_transmission(results),
         *_thrust(results.figure_8),
@@ -75,7 +75,7 @@ def statements(results: Results) -> list[Statement]:
 
 
 def graded(wholly: bool, partly: bool = False) -> str:
-    """Return the verdict on a statement of which all, or else a part, was found."""
+    """Return the verdict on a statement that holds wholly, else partly, or not at all."""
     return HOLDS if wholly else IN_PART if partly else NOT
 
 
@@ -90,43 +90,44 @@ def _introduction(results: Results) -> list[Statement]:
     return [
         Statement(
             'Abstract', 'our model performs well in the rigid-flexible coupling analysis of the manta robot', OPEN,
-            '"Well" has no measure. The paper\'s coupling is of first order and fails for light bodies, see '
+            'The paper gives no measure of "well". Its coupling is of first order and diverges for light bodies; see '
             '[verification.md](verification.md), "Coupling".'),
         Statement(
             'Abstract', 'we elucidate the viability of tailoring turning gaits through systematic variations in input '
-            'parameters', graded(_turn_right(results.turning)), 'See Figure 10 below.'),
+            'parameters', graded(_turn_right(results.turning)), 'See the statements on Figure 10 below.'),
         Statement(
             'Abstract', 'compared with finite element and CFD methods, the PRB method has high computational '
             'efficiency',
-            OPEN, 'The paper times no such method, and neither does this page.'),
+            OPEN, 'Neither the paper nor this page measures the time of such a method.'),
         Statement(
             'Section 1.1', 'they can forage at a speed of 0.25–0.47 m/s',
             graded(FORAGING[0] <= usual.mean <= FORAGING[1]),
-            f'Mantas, that is. The robot swims at {usual.mean:.2f} m/s with A = 40°, f = 0.6 Hz.'),
+            f'The statement is about mantas. The robot swims at {usual.mean:.2f} m/s with A = 40° and f = 0.6 Hz.'),
     ]
 
 
-def _modelling(results: Results) -> list[Statement]:
+def _modeling(results: Results) -> list[Statement]:
     straight, turns = results.figure_9, list(results.turning.by_chains.items())
     (many, with_many), (few, with_few) = turns[0], turns[-1]
     attack = [float(np.abs(one.attack[one.window]).max()) for one in straight.swims]
-    differ = [abs(a.turning_rate / b.turning_rate - 1.0) for a, b in zip(with_many, with_few, strict=True)]
+    differences = [abs(a.turning_rate / b.turning_rate - 1.0) for a, b in zip(with_many, with_few, strict=True)]
     return [
         Statement(
             'Section 3.2, an assumption', 'when the discretization width ds of the link tends towards 0, the tangents '
             'R and E can be considered as the line connecting the origins of two adjacent links',
-            graded(max(differ) < OF_THE_GRID, _agree_at_first(with_many, with_few)),
-            'While the surface is smooth. In a flow that is fast enough, the slope of (11) feeds waves along the '
-            'chord, and the more chains there are, the slower a flow will do ([verification.md](verification.md), '
-            f'"Where refining along the chord ends"). So there is no limit of many chains: the turns below end at '
-            f'{listed(turn.turning_rate for turn in with_many)}°/s with {many} chains, at '
-            f'{listed(turn.turning_rate for turn in with_few)}°/s with {few}.'),
+            graded(max(differences) < OF_THE_GRID, _agree_at_first(with_many, with_few)),
+            'This holds as long as the fins are stable along their chords. In a flow that is fast enough, the slope of '
+            '(11) causes a chordwise instability, and with more chains a slower flow is enough '
+            '([verification.md](verification.md), "Where refinement along the chord ends"). So the results have no '
+            'limit for many chains: the turns below end with '
+            f'{listed(turn.turning_rate for turn in with_many)}°/s with {many} chains, and with '
+            f'{listed(turn.turning_rate for turn in with_few)}°/s with {few} chains.'),
         Statement(
             'Section 3.4, an assumption', 'Since the angle of attack of the body is minor, the lift can be neglected',
             graded(max(attack) < MINOR_ATTACK),
-            f'The body heaves against the flapping, so its angle of attack swings: in Figure 9 by up to '
-            f'{listed(attack, 0)}° at A = {listed((one.amplitude for one in straight.swims), 0)}°. The model has no '
-            f'lift of the body, here as in the paper.'),
+            'The body heaves in response to the flapping, so its angle of attack oscillates: in Figure 9 it '
+            f'reaches {listed(attack, 0)}° at A = {listed((one.amplitude for one in straight.swims), 0)}°. As in '
+            'the paper, the model has no lift of the body.'),
     ]
 
 
@@ -136,23 +137,23 @@ def _agree_at_first(of_many: list[Turn], of_few: list[Turn]) -> bool:
 
 def _computing(cost: Cost) -> list[Statement]:
     stable = largest_stable_step(robot(), STRAIGHT, STRAIGHT)
-    step = cost.literal / cost.steps
+    step = cost.reference / cost.steps
     plausible = 1.0 / PLAUSIBLE < step / cost.paper < PLAUSIBLE
     return [
         Statement(
             'Section 4', 'for a simulation corresponding to 0.01 s physical time step, the computational time is 0.18 '
             's',
             graded(plausible and stable >= PAPER_STEP, plausible),
-            f'A step of the literal version in NumPy takes {step:.1f} s, so the time is '
+            f'A step of the reference implementation in NumPy takes {step:.1f} s, so the time in the paper is '
             f'{"plausible" if plausible else "not plausible"}. A step of 0.01 s is '
-            f'{"possible" if stable >= PAPER_STEP else "not possible"}: the paper\'s scheme with these values is '
+            f'{"possible" if stable >= PAPER_STEP else "not possible"}: with these values the scheme of the paper is '
             f'stable up to {stable:.4f} s.'),
         Statement(
             'Section 4', 'the algorithm is computationally efficient, providing the possibility of real-time '
             'calculation',
             graded(cost.library < PAPER_STEP),
-            f'The paper\'s program is {cost.paper / PAPER_STEP:.0f} times slower than real time. This library swims '
-            f'{PAPER_STEP / cost.library:.0f} s in a second.'),
+            f'The program of the paper is {cost.paper / PAPER_STEP:.0f} times slower than real time. This library '
+            f'simulates {PAPER_STEP / cost.library:.0f} s of swimming in one second.'),
     ]
 
 
@@ -167,20 +168,21 @@ def _wave_transmission(results: Results) -> list[Statement]:
         Statement(
             'Section 5', 'ensuring that the endpoints of the two rods reach the same height',
             graded(abs(front / rear - 1.0) < SAME_HEIGHT),
-            f'Front {1000.0 * front:.1f} mm, rear {1000.0 * rear:.1f} mm at A = 40°.'),
+            f'The front rod reaches {1000.0 * front:.1f} mm and the rear rod {1000.0 * rear:.1f} mm at A = 40°.'),
         Statement(
             'Section 5.1, Figure 7', 'in the three passive segments (q_1, q_2, q_3), a conspicuous phenomenon of phase '
             'lag '
             'is evident', graded(bool(np.all(chord > 0.0))),
-            f'Along the chord the last chain lags the first by {listed(chord)}° in its joints, about '
-            f'as much as the rear rods lag the front ones, {np.degrees(figure.gait.phase):.0f}°: the wave is that of '
-            'the rods.'),
+            f'Along the chord the joints of the last chain lag those of the first chain by {listed(chord)}°. This '
+            f'is about the lag of the rear rods behind the front rods, {np.degrees(figure.gait.phase):.0f}°, so the '
+            'wave is that of the rods.'),
         Statement(
             'Section 5.1, Figure 7', 'a highly noticeable phase lag phenomenon is observable, corresponding to the '
             'spanwise wave transmission',
             graded(bool(np.all(span > NOTICEABLE * np.abs(chord).mean())), bool(np.all(span > 0.0))),
-            f'At the trailing edge the second and third joint lag the first by {listed(span)}°: outward, as it should, '
-            f'but small. The directions of these links, which the eye sees, lag by {listed(directions)}°.'),
+            f'At the trailing edge the second and the third joint lag the first joint by {listed(span)}°. The wave '
+            'travels outward, as it should, but the lag is small. The directions of these links, which an observer '
+            f'sees, lag by {listed(directions)}°.'),
     ]
 
 
@@ -194,8 +196,9 @@ def _thrust(figure: Figure8) -> list[Statement]:
         Statement(
             'Section 5.1, Figure 8', 'the simulated average thrust under various flapping amplitudes closely aligns '
             'with the experimental one', OPEN,
-            f'{NO_EXPERIMENT} Our thrust {"grows" if grows else "does not grow throughout"} with amplitude and with '
-            f'frequency, up to {with_amplitude[-1, -1]:.1f} N at A = {figure.amplitudes[-1]:.0f}°, {fastest:g} Hz.'),
+            f'{NO_EXPERIMENT} The simulated thrust {"grows" if grows else "does not always grow"} with the '
+            f'amplitude and with the frequency, up to {with_amplitude[-1, -1]:.1f} N at A = '
+            f'{figure.amplitudes[-1]:.0f}° and {fastest:g} Hz.'),
         Statement(
             'Section 5.1, Figure 8', 'As the flapping amplitude approaches 40°, the thrust differences between red '
             'lines '
@@ -203,14 +206,14 @@ def _thrust(figure: Figure8) -> list[Statement]:
         Statement(
             'Section 5.1, Figure 8', 'The thrust difference reaches the maximum (about 1.8 N) at the amplitude Am = '
             '40° and the frequency f = 0.51 Hz', OPEN,
-            f'{NO_EXPERIMENT} Our thrust is {disputed:.1f} N there.'),
+            f'{NO_EXPERIMENT} The simulated thrust is {disputed:.1f} N there.'),
         Statement(
             'Section 5.1, Figure 8', 'attributed to the lack of accuracy in the Morison equation when describing large '
-            'amplitude motions', OPEN, 'A model cannot tell where it departs from the robot.'),
+            'amplitude motions', OPEN, 'A model cannot show where it differs from the robot.'),
         Statement(
             'Section 5.1, Figure 8', 'the calculated trend of average thrust matches the experimental results', OPEN,
-            f'{NO_EXPERIMENT} Our thrust {"grows" if rises else "does not grow throughout"} with the phase, at '
-            f'{fastest:g} Hz from {with_phase[-1, 0]:.1f} N at {figure.phases[0]:.0f}° to {with_phase[-1, -1]:.1f} N '
+            f'{NO_EXPERIMENT} The simulated thrust {"grows" if rises else "does not always grow"} with the phase. At '
+            f'{fastest:g} Hz it is {with_phase[-1, 0]:.1f} N at {figure.phases[0]:.0f}° and {with_phase[-1, -1]:.1f} N '
             f'at {figure.phases[-1]:.0f}°.'),
         Statement(
             'Section 5.1, Figure 8', 'The error is relatively small when the phase difference is positive', OPEN,
@@ -218,48 +221,51 @@ def _thrust(figure: Figure8) -> list[Statement]:
         Statement(
             'Section 5.1', 'the two sets of experiments effectively validated the reliability of our flexible fins '
             'model',
-            OPEN, f'{NO_EXPERIMENT} The values that the paper leaves out were chosen here so that the thrust comes out '
-            f'right: its size proves nothing. See the sensitivities below.'),
+            OPEN, f'{NO_EXPERIMENT} The values that the paper does not give were chosen here so that the thrust agrees '
+            'with that of the prototype, so its size does not verify the model. See the sensitivities below.'),
     ]
 
 
 def _straight(figure: Figure9) -> list[Statement]:
     swims, smooth = figure.swims, figure.smooth
-    ripples, smooth_ripples = [one.ripple for one in swims], [one.ripple for one in smooth]
+    oscillations, smooth_oscillations = [one.oscillation for one in swims], [one.oscillation for one in smooth]
     amplitudes = f'A = {listed((one.amplitude for one in swims), 0)}°'
     settled_from = [one.settled_from for one in swims]
     return [
         Statement(
             'Section 5.2, Figure 9', 'The motion mode of MPF led to oscillations in forward velocity',
-            graded(min(one.ripple / one.mean for one in swims) > OSCILLATING),
-            f'Peak to peak {listed(ripples, 3)} m/s at {amplitudes}.'),
+            graded(min(one.oscillation / one.mean for one in swims) > OSCILLATING),
+            f'From peak to peak the speed oscillates by {listed(oscillations, 3)} m/s at {amplitudes}.'),
         Statement(
             'Section 5.2, Figure 9', 'keeping the input parameters constant, the velocity of the robot eventually '
             'converges and stabilizes',
-            graded(None not in settled_from, any(known is not None for known in settled_from)),
-            f'Means of a period stay within {100.0 * SETTLED:.0f} % of {listed((one.final for one in swims), 3)} m/s '
-            f'from period {listed((math.nan if known is None else known + 1 for known in settled_from), 0)} on. The '
-            f'window from {WINDOW[0]:g} to {WINDOW[1]:g} s begins in period {int(WINDOW[0] * FREQUENCY) + 1}: its '
-            f'means are {listed((one.mean for one in swims), 3)} m/s.'),
+            graded(None not in settled_from, any(period is not None for period in settled_from)),
+            f'The mean of each period stays within {100.0 * SETTLED:.0f} % of '
+            f'{listed((one.final for one in swims), 3)} m/s from period '
+            f'{listed((math.nan if period is None else period + 1 for period in settled_from), 0)} on. The window '
+            f'from {WINDOW[0]:g} to {WINDOW[1]:g} s begins earlier, in period {int(WINDOW[0] * FREQUENCY) + 1}, and '
+            f'its means are {listed((one.mean for one in swims), 3)} m/s.'),
         Statement(
             'Section 5.2, Figure 9', 'the simulated velocity, on average, closely aligns with the experimental results '
             'without significant differences', OPEN, NO_EXPERIMENT),
         Statement(
             'Section 5.2, Figure 9', "as the flapping amplitude Am increases, the oscillation amplitude of the robot's "
             'forward velocity becomes larger',
-            graded(bool(np.all(np.diff(ripples) > 0.0) and np.all(np.diff(smooth_ripples) > 0.0))),
-            f'See above; with {smooth[0].chains} chains {listed(smooth_ripples, 3)} m/s.'),
+            graded(bool(np.all(np.diff(oscillations) > 0.0) and np.all(np.diff(smooth_oscillations) > 0.0))),
+            f'See above. With {smooth[0].chains} chains the speed oscillates by {listed(smooth_oscillations, 3)} m/s.'),
         Statement(
             'Section 5.2, Figure 9', 'When the amplitude rises above 40°, the error becomes significant', OPEN,
-            f'{NO_EXPERIMENT} At {swims[-1].amplitude:.0f}° {swims[-1].chains} chains and {smooth[-1].chains} chains '
-            f'give different speeds, {swims[-1].final:.3f} and {smooth[-1].final:.3f} m/s in the end, as waves run '
-            f'along the chord of the first; at 40° {swims[-2].final:.3f} and {smooth[-2].final:.3f} m/s.'),
+            f'{NO_EXPERIMENT} At {swims[-1].amplitude:.0f}° the final speeds with {swims[-1].chains} and with '
+            f'{smooth[-1].chains} chains differ, {swims[-1].final:.3f} and {smooth[-1].final:.3f} m/s, because the '
+            f'fins with {swims[-1].chains} chains are unstable along their chords. At 40° they are '
+            f'{swims[-2].final:.3f} and {smooth[-2].final:.3f} m/s.'),
         Statement(
             'Section 5.2, Figure 9', 'Taking the amplitude Am = 50° as an example, the error of the average velocity '
-            'reaches 0.07 m/s', OPEN, f'{NO_EXPERIMENT} Our average in the window is {swims[-1].mean:.3f} m/s.'),
+            'reaches 0.07 m/s', OPEN, f'{NO_EXPERIMENT} The simulated average in the window is '
+            f'{swims[-1].mean:.3f} m/s.'),
         Statement(
             'Section 5.2, Figure 9', "attributed to the inaccuracy of Morison's equation at large amplitude motions",
-            OPEN, 'A model cannot tell where it departs from the robot.'),
+            OPEN, 'A model cannot show where it differs from the robot.'),
         Statement(
             'Section 5.2', 'the model proves accurate enough for a manta robot focused on dynamics and control', OPEN,
             NO_EXPERIMENT),
@@ -281,30 +287,33 @@ def _turns(turning: Turning) -> list[Statement]:
             'the pectoral fins and the inconsistency in the flapping amplitudes can both give rise to the turning '
             'gaits',
             graded(_turn_right(turning)),
-            f'In the second period they turn at {listed((turn.yaw_rates[1] for turn in with_many), 0)}°/s (negative: '
-            f'to the right), at the end at {listed(turn.turning_rate for turn in with_many)}°/s on circles of '
+            'In the second period the yaw rates of set 1 and set 2 are '
+            f'{listed((turn.yaw_rates[1] for turn in with_many), 0)}°/s, where a negative rate is a turn to the right. '
+            f'At the end they are {listed(turn.turning_rate for turn in with_many)}°/s, on circles with radii of '
             f'{listed((turn.turning_radius for turn in with_many), 2)} m.'),
         Statement(
             'Section 5.2, Figure 11', 'the turning mode, which involves altering the phase difference, ϕ_l and ϕ_r, '
             'exhibits a higher rotational acceleration during the initial stages of motion',
             graded(all(abs(one) > abs(two) for one, two in first)),
-            f'Mean M_z of the first period {listed(first[0], 2)} N m, largest {listed(peak, 2)} N m.'),
+            f'In the first period the mean of M_z is {listed(first[0], 2)} N m for set 1 and set 2, and its largest '
+            f'magnitude is {listed(peak, 2)} N m.'),
         Statement(
             'Section 5.2, Figure 11', 'the turning mode associated with amplitude variations, Am_l and Am_r, can '
             'consistently generate a stable driving moment',
             graded(min(lasting, lasting_many) >= STEADY_PERIODS, max(lasting, lasting_many) >= STEADY_PERIODS),
-            f'While the fins are smooth: with {few} chains its mean M_z stays within {100.0 * STEADY_MOMENT:.0f} % of '
-            f'{moments.mean():.2f} N m for {lasting} periods, with {many} chains for {lasting_many}, as waves begin to '
-            f'run along the chord. That of set 1 is below half of its first in period {halved(with_few[0])} and '
-            f'{halved(with_many[0])}.'),
+            f'This holds as long as the fins are stable along their chords. With {few} chains the mean M_z of set 2 '
+            f'stays within {100.0 * STEADY_MOMENT:.0f} % of {moments.mean():.2f} N m for {lasting} periods. With '
+            f'{many} chains it is stable for only {lasting_many} periods, because the chordwise instability sets '
+            f'in. The mean M_z of set 1 is below half of its first value in period {halved(with_few[0])} with {few} '
+            f'chains, and in period {halved(with_many[0])} with {many} chains.'),
         Statement(
             'Section 5.2, Figure 11', 'making it suitable for cruising swimming with circular trajectories',
             graded(all(_circles(turns[1]) for turns in (with_many, with_few)), _circles(circle)),
-            f'With {many} chains it settles on a circle of {circle.turning_radius:.2f} m{_from(circle)}. But smooth '
-            f'fins hardly brake the yaw: with {few} chains M_z goes from {moments[0]:.2f} to {moments[-1]:.2f} N m '
-            f'only, while the yaw rate goes from {rates[0]:.0f} to {rates[-1]:.0f}°/s, and the robot ends up spinning '
-            'on the spot. What ends the turn\'s tightening is the waves along the chord, and so the number of '
-            'chains.'),
+            f'With {many} chains the robot settles on a circle with a radius of {circle.turning_radius:.2f} '
+            f'm{_from(circle)}. But fins that are stable along their chords hardly brake the yaw: with {few} chains '
+            f'M_z changes only from {moments[0]:.2f} to {moments[-1]:.2f} N m, while the yaw rate changes from '
+            f'{rates[0]:.0f} to {rates[-1]:.0f}°/s, and the robot finally spins on the spot. The turn becomes '
+            'tighter until the chordwise instability sets in, so the number of chains determines the result.'),
         Statement(
             'Section 6', 'we have been able to numerically recover the characteristic hydrodynamic forces of the '
             'robotic '
@@ -317,9 +326,9 @@ def _turn_right(turning: Turning) -> bool:
 
 
 def steady_stretch(turn: Turn) -> tuple[int, int]:
-    """Return where the longest stretch of periods begins (0 is the first) in which M_z is stable, and its length.
+    """Return the first period (0 is the first) of the longest stretch in which M_z is stable, and its length.
 
-    In a stretch the mean of each period is within STEADY_MOMENT of the mean of all.
+    In a stretch the mean of each period is within STEADY_MOMENT of the mean of all of its periods.
     """
     means = turn.mean_wrenches[:, 5]
     best = (0, 0)
@@ -332,13 +341,13 @@ def steady_stretch(turn: Turn) -> tuple[int, int]:
 
 
 def halved(turn: Turn) -> int:
-    """Return in which period (1 is the first) the mean M_z falls below half of the first one's."""
+    """Return the period (1 is the first) in which the mean M_z falls below half of that of the first period."""
     means = turn.mean_wrenches[:, 5]
     return int(np.argmax(means / means[0] < 0.5)) + 1
 
 
 def _circles(turn: Turn) -> bool:
-    """Return whether a turn becomes a steady circle so wide that the inner fin still goes forward."""
+    """Return whether a turn becomes a steady circle that is so wide that the inner fin still moves forward."""
     parameters = turn.record.parameters
     half_span = parameters.rods.rear_motor_position[1] + parameters.rods.rear_radius + parameters.fin.span
     return turn.steady_from is not None and turn.turning_radius > half_span

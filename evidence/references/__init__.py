@@ -1,1 +1,1 @@
-"""Independent references: the equations as printed in NumPy, and the robot in Pinocchio and in MuJoCo."""
+"""Independent references: the paper's equations in NumPy, and the robot in Pinocchio and in MuJoCo."""

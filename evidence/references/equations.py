@@ -1,11 +1,12 @@
-"""The paper's equations, literally: a slow reference in plain NumPy to hold the fast code against.
+"""The reference equations: those of the paper in plain NumPy, a slow implementation to verify the simulator against.
 
-One chain at a time, 6x6 matrices, no closed forms. Equation numbers are those of Qu et al., J. Mar. Sci. Eng. 2024, 12,
-292. Twists are (V, Omega), wrenches (F, M), linear part first, components in the frame that the name or docstring says.
-eta_dot is the derivative of eta's components. Frames: F_b body, F_l at the motor of the rear rod and parallel to F_b,
-F_0 on the support with its origin at A, F_j on link j with its origin at the root O_j and y along the link.
+It takes one chain at a time, with 6 x 6 matrices and without closed forms. Equation numbers are those of Qu et al.,
+J. Mar. Sci. Eng. 2024, 12, 292. Twists are (V, Omega) and wrenches are (F, M), with the linear part first and with
+components in the frame that the name or the docstring gives. eta_dot is the derivative of eta's components. Frames: F_b
+is the body's, F_l is at the motor of the rear rod and parallel to F_b, F_0 is on the support with its origin at A, and
+F_j is on link j with its origin at the root O_j and its y axis along the link.
 
-Everything is written for the left fin. The right fin is the left fin in a mirror: the plane y = 0.
+Everything is written for the left fin. The right fin is the left fin mirrored at the plane y = 0.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ from manta_sim_ros.dynamics import Parameters
 
 X, Y, Z = np.eye(3)
 JOINT_AXIS = np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0])  # A_j of (16): every joint turns about x
-MIRROR = np.array([1.0, -1.0, 1.0, -1.0, 1.0, -1.0])  # of a twist or wrench: polar part, then axial part
+MIRROR = np.array([1.0, -1.0, 1.0, -1.0, 1.0, -1.0])  # of a twist or a wrench: the polar part, then the axial part
 STILL_WATER = np.zeros(3)  # [m/s]
 LEFT, RIGHT = 0, 1
 NO_WRENCH = np.zeros(6)
@@ -80,9 +81,9 @@ def _rotation_z(angle: float) -> np.ndarray:
 
 
 def _rod_end(radius: float, rod: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return position (7), velocity and acceleration of a rod's end in F_l, without the sliding along x.
+    """Return position (7), velocity and acceleration (3,) [m, s] of a rod's end in F_l, without the sliding along x.
 
-    `rod` is (angle, rate, acceleration).
+    `rod` (3,) is angle, rate and acceleration [rad, s].
     """
     angle, rate, acceleration = rod
     position = radius * np.array([0.0, np.cos(angle), np.sin(angle)])
@@ -91,23 +92,23 @@ def _rod_end(radius: float, rod: np.ndarray) -> tuple[np.ndarray, np.ndarray, np
 
 
 def _support_angles(
-    length: float, gap: np.ndarray, gap_rate: np.ndarray, gap_acceleration: np.ndarray,
+    length: float, gap: np.ndarray, gap_dot: np.ndarray, gap_ddot: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return beta and theta of (9), each as (angle, first derivative, second derivative).
 
-    `gap` is B - A in F_l; its y and z fix the two angles, because |AB| is the support's length L at all times:
-    L sin(beta) = -gap_z and L cos(beta) sin(theta) = gap_y, differentiated twice.
+    `gap` (3,) [m] is B - A in F_l. Its y and z determine the two angles, because |AB| is the support's length L at all
+    times: L sin(beta) = -gap_z and L cos(beta) sin(theta) = gap_y. Both equations are differentiated twice.
     """
     beta = np.arcsin(-gap[2] / length)
     sin_beta, cos_beta = np.sin(beta), np.cos(beta)
-    beta_dot = -gap_rate[2] / (length * cos_beta)
-    beta_ddot = (-gap_acceleration[2] / length + sin_beta * beta_dot**2) / cos_beta
+    beta_dot = -gap_dot[2] / (length * cos_beta)
+    beta_ddot = (-gap_ddot[2] / length + sin_beta * beta_dot**2) / cos_beta
 
     theta = np.arcsin(gap[1] / (length * cos_beta))
     sin_theta, cos_theta = np.sin(theta), np.cos(theta)
-    theta_dot = (gap_rate[1] / length + sin_theta * sin_beta * beta_dot) / (cos_theta * cos_beta)
+    theta_dot = (gap_dot[1] / length + sin_theta * sin_beta * beta_dot) / (cos_theta * cos_beta)
     theta_ddot = (
-        gap_acceleration[1] / length
+        gap_ddot[1] / length
         + sin_theta * cos_beta * (theta_dot**2 + beta_dot**2)
         + 2.0 * cos_theta * sin_beta * theta_dot * beta_dot
         + sin_theta * sin_beta * beta_ddot
@@ -126,7 +127,7 @@ def support_motion(
     Returns the rotation lR0 (3, 3) from F_0 to F_b, the position of A (3,) [m] in F_b, and the twist eta_0 (6,) of F_0
     at A and its derivative eta_0_dot (6,), both in F_0.
 
-    V_0_dot is the derivative of V_0's components; (10) in print leaves out the velocity products and a rotation.
+    V_0_dot is the derivative of V_0's components; the printed (10) lacks the velocity products and a rotation.
     """
     rods = parameters.rods
     motor = np.array(rods.rear_motor_position)
@@ -142,7 +143,7 @@ def support_motion(
     V_l_dot = V_b_dot + np.cross(Omega_b_dot, motor)
     Omega_l, Omega_l_dot = Omega_b, Omega_b_dot
 
-    # (8), (9); F_0bar is F_l turned by theta
+    # (8), (9); F_0bar is F_l rotated by theta
     R_l_0bar = _rotation_z(theta)
     R_0bar_0 = _rotation_y(beta)
     R_l_0 = R_l_0bar @ R_0bar_0
@@ -189,7 +190,7 @@ def elastic_energy(parameters: Parameters, joint_angles: np.ndarray) -> np.ndarr
 
 
 def elastic_torque(parameters: Parameters, joint_angles: np.ndarray) -> np.ndarray:
-    """Return tau_{j,e} [N], a torque per unit chord, of each joint angle [rad]: minus the slope of (13), (14)."""
+    """Return tau_{j,e} [N], a torque per unit chord, of each joint angle [rad]: minus the derivative of (13), (14)."""
     tangent = np.tan(joint_angles / 2.0)
     return -2.0 * _bending_stiffness(parameters) / _link_length(parameters) * tangent * (1.0 + tangent**2)
 
@@ -224,7 +225,7 @@ def _gyroscopic_wrench(inertia: np.ndarray, twist: np.ndarray) -> np.ndarray:
 def _link_transforms(parameters: Parameters, joint_angles: np.ndarray) -> list[np.ndarray]:
     """Return Ad of jg_{j-1}, j = 1 to m, of one chain with `joint_angles` (m,): from F_{j-1}'s twists to F_j's.
 
-    F_{j-1} is the support's frame at the chain for j = 1, whose origin O_1 shares.
+    For j = 1, F_{j-1} is the support's frame at the chain, whose origin is O_1.
     """
     transforms = []
     for j, angle in enumerate(joint_angles):
@@ -235,7 +236,7 @@ def _link_transforms(parameters: Parameters, joint_angles: np.ndarray) -> list[n
 
 
 def _transform(transforms: list[np.ndarray], j: int, i: int) -> np.ndarray:
-    """Return Ad of jg_i, i <= j, as the product over the links between; i = -1 is the support."""
+    """Return Ad of jg_i, i <= j, as the product over the links between them; i = -1 is the support."""
     product = np.eye(6)
     for between in range(i + 1, j + 1):
         product = transforms[between] @ product
@@ -292,8 +293,9 @@ def _nodes(parameters: Parameters, joint_angles: np.ndarray) -> np.ndarray:
 def link_normals(parameters: Parameters, joint_angles: np.ndarray) -> np.ndarray:
     """Return the unit normal n_j (n, m, 3) of each link, in F_0, of a fin with `joint_angles` (n, m) [rad], (11).
 
-    The chordwise tangent, toward the leading edge, is the sum of those at the link's root and tip: between the two
-    neighboring chains inside the fin, between the chain and its only neighbor at the edges.
+    The chordwise tangent points toward the leading edge. It is the sum of the tangents at the link's root and at its
+    tip: each is taken between the two neighboring chains inside the fin, and between the chain and its only neighbor at
+    the edges.
     """
     nodes = _nodes(parameters, joint_angles)
     chains, links = joint_angles.shape
@@ -310,7 +312,7 @@ def link_normals(parameters: Parameters, joint_angles: np.ndarray) -> np.ndarray
 def _drag_wrench(
     parameters: Parameters, twist: np.ndarray, normal: np.ndarray, water_velocity: np.ndarray,
 ) -> np.ndarray:
-    """Return the wrench (6,) of the water on a link, per unit chord, (12) in (19); all in F_j, about O_j."""
+    """Return the wrench (6,) of the water on a link, per unit chord, (12) in (19). All are in F_j, about O_j."""
     center = _center_of_mass(parameters)
     velocity = twist[:3] + np.cross(twist[3:], center) - water_velocity
     speed = velocity @ normal
@@ -320,18 +322,21 @@ def _drag_wrench(
 
 
 def _added_mass(parameters: Parameters) -> float:
-    """Return m_a [kg/m], per unit chord: C_a times the water in a cylinder on the chord, (pi / 4) L^2 dl, over L."""
+    """Return m_a [kg/m], per unit chord: C_a times the mass of water in a cylinder on the chord, over L.
+
+    The volume of the cylinder is (pi / 4) L^2 dl.
+    """
     water, length = parameters.water, parameters.rods.support_length
     return water.added_mass_coefficient * water.added_mass_density * np.pi / 4.0 * length * _link_length(parameters)
 
 
 def _added_inertia(parameters: Parameters, twist: np.ndarray, normal: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return what the water that a link sets in motion adds to its inertia (6, 6) and bias (6,), per unit chord.
+    """Return the added mass of a link as an inertia (6, 6) and a bias (6,), per unit chord.
 
-    The load on the midpoint c is -m_a n (n . a), Morison's inertia term, a the midpoint's acceleration in the inertial
-    frame: V_dot + Omega x V + Omega_dot x c + Omega x (Omega x c). What of a is in eta_j_dot makes an inertia of rank
-    one, the rest a bias; there is no more to it, no (18) of its own. `twist` and `normal` are in F_j, as the results,
-    which are about O_j.
+    The load on the midpoint c is -m_a n (n . a), Morison's inertia term, where a is the midpoint's acceleration in the
+    inertial frame: V_dot + Omega x V + Omega_dot x c + Omega x (Omega x c). The part of a that is linear in eta_j_dot
+    gives an inertia of rank one, and the rest gives a bias; (18) does not apply to it. `twist` and `normal` are in F_j,
+    and so are the results, which are about O_j.
     """
     center, (V, Omega) = _center_of_mass(parameters), np.split(twist, 2)
     direction = np.hstack([normal, np.cross(center, normal)])
@@ -349,11 +354,11 @@ def _chain_dynamics(
     `normals` (m, 3), `base_twist`, `base_acceleration` (6,), `water_velocity` (3,) and f_0 are in the frame of the
     support at the chain. f_0 is the wrench of the chain on the support, about O_1.
 
-    The torque of a joint's spring and damper acts between two links: +tau_j on link j, -tau_j on link j - 1 or the
-    support. It is thus the part of f_j along the joint, A_j^T f_j = tau_j, and no external wrench as (19) has it in
-    print. Q is then minus the gradient of the elastic energy, as (14) and (29) demand.
+    The torque of a joint's spring and damper acts between two links: +tau_j on link j, and -tau_j on link j - 1 or on
+    the support. So it is the component of f_j along the joint, A_j^T f_j = tau_j, and not an external wrench as in the
+    printed (19). Q is then minus the gradient of the elastic energy, as (14) and (29) require.
 
-    The added mass is no part of the paper. It joins each link's M_j and beta_j.
+    The added mass is not part of the paper. It is added to each link's M_j and beta_j.
     """
     links = len(joint_angles)
     transforms = _link_transforms(parameters, joint_angles)
@@ -404,7 +409,7 @@ def fin_dynamics(
     `side` 0 left, 1 right; `rod_motion` (2, 3) as in `support_motion`, positive with the tip up; `joint_angles` and
     `joint_rates` (n, m) [rad, rad/s], leading edge and root first; `body_twist` and `body_acceleration` (6,) in F_b;
     `water_velocity` (3,) [m/s] of the water over the ground, in F_b. The wrench is that of the fin on the body, in F_b
-    about the center of mass. Nothing that goes in or comes out is mirrored.
+    about the center of mass. Neither the arguments nor the results are mirrored.
     """
     if side == RIGHT:
         joint_accelerations, wrench = fin_dynamics(
@@ -440,9 +445,9 @@ def body_acceleration(
 ) -> np.ndarray:
     """Return eta_b_dot (6,) [m/s^2, rad/s^2] in F_b, (34) to (37).
 
-    `orientation` (4,) xyzw, `twist` (6,) in F_b, `fin_wrench` (6,) the sum of both fins, in F_b about the center of
-    mass, as is `body_wrench`, from outside; `world_wrench` has world components. The drag (34) is that of the velocity
-    relative to the water.
+    `orientation` (4,) is xyzw, and `twist` (6,) is in F_b. All wrenches (6,) are about the center of mass: `fin_wrench`
+    is the sum of both fins, in F_b; `body_wrench` and `world_wrench` are external wrenches, with components in F_b and
+    in the world frame. The drag (34) is that of the velocity relative to the water.
     """
     body, water = parameters.body, parameters.water
     to_body = orientation_matrix(orientation).T
@@ -471,8 +476,8 @@ def rest_state(parameters: Parameters) -> ReferenceState:
         acceleration=np.zeros(6), joint_angles=joints, joint_rates=joints, fin_wrenches=np.zeros((2, 6)))
 
 
-def quaternion_rate(orientation: np.ndarray, angular_velocity: np.ndarray) -> np.ndarray:
-    """Return the derivative (4,) of a quaternion xyzw: half its product with (Omega, 0), Omega in F_b."""
+def quaternion_dot(orientation: np.ndarray, angular_velocity: np.ndarray) -> np.ndarray:
+    """Return the time derivative (4,) of a quaternion xyzw: half its product with (Omega, 0), with Omega in F_b."""
     v, w = orientation[:3], orientation[3]
     return 0.5 * np.hstack([w * angular_velocity + np.cross(v, angular_velocity), -v @ angular_velocity])
 
@@ -506,13 +511,15 @@ def step(
     parameters: Parameters, state: ReferenceState, rod_motion: RodMotion,
     body_wrench: np.ndarray = NO_WRENCH, world_wrench: np.ndarray = NO_WRENCH,
 ) -> ReferenceState:
-    """Return the state one `solver.time_step` later: the sequential coupling of Section 4 and Figure 6.
+    """Return the state one `solver.time_step` later, by the staggered coupling of Section 4 and Figure 6.
 
-    `rod_motion(side, time)` gives each fin's rods (2, 3) as in `support_motion`.
+    `rod_motion(side, time)` gives each fin's rods (2, 3) as in `support_motion`. `body_wrench` and `world_wrench` are
+    those of `body_acceleration`.
 
-    Fins: classical fourth-order Runge-Kutta with the body's motion, and the water's velocity in F_b, held at their
-    values at t; the wrench is that at t + dt, with the same body motion. Body: (36) at t with that wrench, forward
-    Euler; with `solver.fixed_base` it keeps its motion and pose.
+    The fins are advanced by the classical fourth-order Runge-Kutta method, with the body's motion and the water's
+    velocity in F_b held at their values at t. Their wrench is that at t + dt, with the same motion of the body. The
+    body is advanced by the forward Euler method, with (36) at t and that wrench; with `solver.fixed_base` it keeps its
+    motion and its pose.
     """
     dt = parameters.solver.time_step
     of_fins = [_step_fin(parameters, state, side, rod_motion) for side in (LEFT, RIGHT)]
@@ -525,7 +532,7 @@ def step(
 
     acceleration = body_acceleration(
         parameters, state.orientation, state.twist, np.sum(wrenches, axis=0), body_wrench, world_wrench)
-    orientation = state.orientation + dt * quaternion_rate(state.orientation, state.twist[3:])
+    orientation = state.orientation + dt * quaternion_dot(state.orientation, state.twist[3:])
     return dataclasses.replace(
         moved,
         position=state.position + dt * orientation_matrix(state.orientation) @ state.twist[:3],

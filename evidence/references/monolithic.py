@@ -1,11 +1,11 @@
-"""Body and fins solved together, literally: a slow reference for the monolithic coupling, in plain NumPy and SciPy.
+"""The reference implementation of the monolithic coupling: body and fins solved together, in plain NumPy and SciPy.
 
-A fin's wrench on the body and its joint accelerations are affine in the body's acceleration, as the mechanics of any
-tree are. So seven evaluations of a fin's dynamics, at no acceleration and at a unit one along each axis, say all of
-them; the body's equation (36) is then one linear system. The whole state is integrated at once, by the classical
-Runge-Kutta rule or by DOP853 to a tolerance near rounding.
+A fin's wrench on the body and its joint accelerations are affine in the body's acceleration, as in the mechanics of any
+tree. So seven evaluations of a fin's dynamics determine them: one without acceleration, and one with a unit
+acceleration along each of the six axes. The body's equation (36) is then one linear system. The whole state is
+integrated at once, by the classical Runge-Kutta method or by DOP853 with a tolerance near rounding.
 
-The fins' dynamics are an argument: those of `equations` unless said otherwise, or `pinocchio_tree.fin_dynamics`.
+The fins' dynamics are an argument: `equations.fin_dynamics`, the default, or `pinocchio_tree.fin_dynamics`.
 """
 
 from __future__ import annotations
@@ -25,16 +25,16 @@ from evidence.references.equations import (
     RodMotion,
     body_acceleration,
     orientation_matrix,
-    quaternion_rate,
+    quaternion_dot,
 )
 from manta_sim_ros.dynamics import Parameters
 
 FinDynamics = Callable[..., tuple[np.ndarray, np.ndarray]]
-"""Takes what `equations.fin_dynamics` takes, in that order, and returns what that returns."""
+"""A function with the arguments, in their order, and the results of `equations.fin_dynamics`."""
 
 
 class Accelerations(NamedTuple):
-    """What the equations of motion give at one time, shapes and frames as in `ReferenceState`."""
+    """Accelerations and wrenches at one time, with shapes and frames as in `ReferenceState`."""
 
     body: np.ndarray  # (6,) [m/s^2, rad/s^2]
     joints: np.ndarray  # (2, n, m) [rad/s^2]
@@ -44,10 +44,10 @@ class Accelerations(NamedTuple):
 def accelerations(
     parameters: Parameters, state: ReferenceState, rod_motion: RodMotion, fin_dynamics: FinDynamics | None = None,
 ) -> Accelerations:
-    """Return what satisfies (6) to (37) at the state's time; its own acceleration and wrenches are not looked at.
+    """Return the accelerations and wrenches that satisfy (6) to (37) at the state's time.
 
-    `rod_motion(side, time)` gives each fin's rods (2, 3). The state's orientation need not be a unit quaternion. With
-    `solver.fixed_base` the body's acceleration is zero.
+    `rod_motion(side, time)` gives each fin's rods (2, 3). The acceleration and the wrenches of `state` are not used,
+    and its orientation need not be a unit quaternion. With `solver.fixed_base` the body's acceleration is zero.
     """
     fin_dynamics = equations.fin_dynamics if fin_dynamics is None else fin_dynamics
     orientation = state.orientation / np.linalg.norm(state.orientation)
@@ -63,7 +63,7 @@ def accelerations(
     if parameters.solver.fixed_base:
         return Accelerations(np.zeros(6), joints, wrenches)
 
-    # the last axis is that of the body's acceleration
+    # the last axis of the slopes is the component of the body's acceleration
     joint_slopes, wrench_slopes = np.empty((*joints.shape, 6)), np.empty((*wrenches.shape, 6))
     for side in (LEFT, RIGHT):
         for axis, unit in enumerate(np.eye(6)):
@@ -71,7 +71,7 @@ def accelerations(
             joint_slopes[side, ..., axis] = joints_at_unit - joints[side]
             wrench_slopes[side, :, axis] = wrench_at_unit - wrenches[side]
 
-    # (36): each newton and newton meter of the fins adds its part
+    # (36), solved for the acceleration on which the wrenches depend
     body = parameters.body
     per_wrench = np.diag(1.0 / np.hstack([np.full(3, body.mass), body.inertia]))
     held = body_acceleration(parameters, orientation, state.twist, wrenches.sum(axis=0))
@@ -86,46 +86,48 @@ def _packed(state: ReferenceState) -> np.ndarray:
 
 
 def _unpacked(parameters: Parameters, time: float, vector: np.ndarray) -> ReferenceState:
-    """Return the state of a `_packed` vector; its acceleration and wrenches are not known yet."""
+    """Return the state of a `_packed` vector; its acceleration and wrenches are NaN."""
     position, orientation, twist, joints = np.split(vector, [3, 7, 13])
     angles, rates = joints.reshape(2, 2, parameters.fin.chains, parameters.fin.links)
-    unknown = np.full(6, np.nan)
-    return ReferenceState(time, position, orientation, twist, unknown, angles, rates, np.tile(unknown, (2, 1)))
+    undefined = np.full(6, np.nan)
+    return ReferenceState(time, position, orientation, twist, undefined, angles, rates, np.tile(undefined, (2, 1)))
 
 
 def derivative(
     parameters: Parameters, time: float, vector: np.ndarray, rod_motion: RodMotion,
     fin_dynamics: FinDynamics | None = None,
 ) -> np.ndarray:
-    """Return the time derivative of position, orientation, twist, joint angles and joint rates, one after the other.
+    """Return the time derivative of a `_packed` vector of position, orientation, twist, joint angles and joint rates.
 
-    The orientation's is half the product of the quaternion and (Omega, 0). Rotations are those of the normalized one.
+    The derivative of the orientation is half the product of the quaternion and (Omega, 0). Rotations are those of the
+    normalized quaternion.
     """
     state = _unpacked(parameters, time, vector)
-    found = accelerations(parameters, state, rod_motion, fin_dynamics)
+    result = accelerations(parameters, state, rod_motion, fin_dynamics)
     if parameters.solver.fixed_base:
-        velocity, turning = np.zeros(3), np.zeros(4)
+        position_dot, orientation_dot = np.zeros(3), np.zeros(4)
     else:
-        turning = quaternion_rate(state.orientation, state.twist[3:])
+        orientation_dot = quaternion_dot(state.orientation, state.twist[3:])
         unit = state.orientation / np.linalg.norm(state.orientation)
-        velocity = orientation_matrix(unit) @ state.twist[:3]
-    return np.hstack([velocity, turning, found.body, state.joint_rates.ravel(), found.joints.ravel()])
+        position_dot = orientation_matrix(unit) @ state.twist[:3]
+    return np.hstack([
+        position_dot, orientation_dot, result.body, state.joint_rates.ravel(), result.joints.ravel()])
 
 
 def _completed(
     parameters: Parameters, time: float, vector: np.ndarray, rod_motion: RodMotion, fin_dynamics: FinDynamics | None,
 ) -> ReferenceState:
-    """Return the state of a vector, its quaternion normalized, with acceleration and wrenches at its time."""
+    """Return the state of a `_packed` vector with a normalized quaternion, and with its acceleration and wrenches."""
     state = _unpacked(parameters, time, vector)
     state = dataclasses.replace(state, orientation=state.orientation / np.linalg.norm(state.orientation))
-    found = accelerations(parameters, state, rod_motion, fin_dynamics)
-    return dataclasses.replace(state, acceleration=found.body, fin_wrenches=found.fin_wrenches)
+    result = accelerations(parameters, state, rod_motion, fin_dynamics)
+    return dataclasses.replace(state, acceleration=result.body, fin_wrenches=result.fin_wrenches)
 
 
 def step(
     parameters: Parameters, state: ReferenceState, rod_motion: RodMotion, fin_dynamics: FinDynamics | None = None,
 ) -> ReferenceState:
-    """Return the state one `solver.time_step` later: the classical fourth-order Runge-Kutta rule for all at once."""
+    """Return the state one `solver.time_step` later, by the classical fourth-order Runge-Kutta method."""
     dt, t, start = parameters.solver.time_step, state.time, _packed(state)
 
     def slope(time: float, vector: np.ndarray) -> np.ndarray:
@@ -143,7 +145,10 @@ def trajectory(
     parameters: Parameters, state: ReferenceState, rod_motion: RodMotion, duration: float,
     fin_dynamics: FinDynamics | None = None,
 ) -> ReferenceState:
-    """Return the state `duration` [s] later, by DOP853 with absolute and relative tolerance 1e-12."""
+    """Return the state `duration` [s] later, by DOP853 with an absolute and a relative tolerance of 1e-12.
+
+    Raises RuntimeError when the integration fails.
+    """
     solution = solve_ivp(
         lambda time, vector: derivative(parameters, time, vector, rod_motion, fin_dynamics),
         (state.time, state.time + duration), _packed(state), method='DOP853', rtol=1e-12, atol=1e-12)

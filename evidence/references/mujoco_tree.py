@@ -1,4 +1,4 @@
-"""The whole robot as a MuJoCo model in MuJoCo's own water: the peer that the benchmark's step is set beside."""
+"""The whole robot as a MuJoCo model in MuJoCo's water: a baseline for the step that the benchmark measures."""
 
 from __future__ import annotations
 
@@ -10,19 +10,20 @@ from numpy.typing import NDArray
 
 from manta_sim_ros.dynamics import Parameters
 
-WATER_DENSITY = 1000.0  # kg/m^3, physical: the model's effective density belongs to its own drag coefficients
+WATER_DENSITY = 1000.0  # kg/m^3, fresh water; `water.density` is effective and belongs to the model's drag coefficients
 WATER_VISCOSITY = 1.0e-3  # Pa s
-BODY_HALF_AXES = '0.25 0.15 0.08'  # m, a manta-like ellipsoid for the drag on the body; its mass is set apart
-SLIMNESS = 1.0e-6  # a thin rod's inertia about itself, as a share of that across: MuJoCo wants it above zero
+BODY_HALF_AXES = '0.25 0.15 0.08'  # m, of an ellipsoid like a manta for the body's drag; its mass is set separately
+SLIMNESS = 1.0e-6  # inertia of a thin rod about its axis over that across it; MuJoCo needs a positive one
 
 
 def swimmer_model(parameters: Parameters, time_step: float) -> mujoco.MjModel:
     """The tree of `pinocchio_tree.swimmer_tree`, with springs, dampers and water: 6 + 2 n m degrees of freedom, RK4.
 
-    Free body at its center of mass, then left and right fin on supports fixed where level rods hold them. Hinges have
-    the model's stiffness, made linear, and its damping: EI ds/dl [N m/rad], c ds [N m s/rad]. `time_step` [s]. Water
-    acts on the ellipsoid of each link (MuJoCo's other fluid model costs the same, but a thin rod's inertia box has no
-    area for it to act on). No gravity, no contacts.
+    The free body has its frame at its center of mass. The left and the right fin stand on supports that are fixed where
+    level rods hold them. The hinges have the model's stiffness, linearized, and its damping: EI ds/dl [N m/rad] and
+    c ds [N m s/rad]. `time_step` is in s. The water acts on the ellipsoid of each link. (MuJoCo's other fluid model
+    costs the same, but it acts on the box that has the link's inertia, and that of a thin rod has no area.) There is no
+    gravity, and there are no contacts.
     """
     fin, rods = parameters.fin, parameters.rods
     root = ElementTree.Element('mujoco', model='manta')
@@ -66,7 +67,7 @@ def swimmer_model(parameters: Parameters, time_step: float) -> mujoco.MjModel:
 
 
 def _flat_support(parameters: Parameters, outward: float) -> tuple[NDArray, NDArray]:
-    """Rotation (3, 3) and position (3,) [m] of F_0 in F_b with both rods level: a turn about z alone."""
+    """Rotation (3, 3) and position (3,) [m] of F_0 in F_b with both rods level: a rotation about z alone."""
     rods = parameters.rods
     sine = outward * (rods.front_radius - rods.rear_radius) / rods.support_length
     cosine = np.sqrt(1.0 - sine**2)

@@ -1,9 +1,9 @@
-"""The fins and the whole robot as Pinocchio trees: a peer that owes nothing to the paper's recursion.
+"""The fins and the whole robot as Pinocchio trees: a reference that does not use the paper's recursion.
 
-Pinocchio solves the tree; the support's motion comes from the position of its mechanism alone, differentiated by exact
-second-order arithmetic; drag, added mass, elasticity and damping are plain NumPy. The right fin is built as it stands,
-hinged about -x_0 with its chains along -y_0, not mirrored from the left one, so the mirror rule of the model is under
-test too.
+Pinocchio solves the tree. The support's motion follows from the position of its mechanism alone, which is
+differentiated by exact second-order arithmetic. Drag, added mass, elasticity and damping are plain NumPy. The right fin
+is modeled directly, hinged about -x_0 with its chains along -y_0. It is not mirrored from the left one, so the mirror
+rule of the model is verified too.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ OUTWARD = (1.0, -1.0)  # the direction of each fin's chains along y_0: left, rig
 
 @dataclasses.dataclass(frozen=True)
 class Jet:
-    """A number, vector or matrix moving in time: its value and its exact first and second time derivatives."""
+    """A number, vector or matrix that depends on time: its value and its exact first and second time derivatives."""
 
     value: NDArray
     first: NDArray
@@ -46,18 +46,18 @@ class Jet:
                             exponent * (exponent - 1.0) * self.value ** (exponent - 2.0))
 
     def through(self, value: ArrayLike, slope: ArrayLike, curvature: ArrayLike) -> Jet:
-        """f(self), of the value, slope and curvature of f at self.value."""
+        """Return f(self), given the value and the first and second derivative of f at self.value."""
         return Jet(np.asarray(value), slope * self.first, curvature * self.first**2 + slope * self.second)
 
 
 def constant(value: ArrayLike) -> Jet:
-    """The jet of what does not move."""
+    """Return the jet of a constant."""
     value = np.asarray(value, dtype=float)
     return Jet(value, np.zeros_like(value), np.zeros_like(value))
 
 
 def stack(*parts: Jet) -> Jet:
-    """Scalars to a vector, or vectors to a matrix that has them as its columns."""
+    """Return scalars joined to a vector, or vectors joined as the columns of a matrix."""
     return Jet(*(np.stack([getattr(part, name) for part in parts], axis=-1) for name in ('value', 'first', 'second')))
 
 
@@ -76,7 +76,7 @@ def _vee(matrix: NDArray) -> NDArray:
 
 
 def body_pose(body_twist: ArrayLike, body_acceleration: ArrayLike) -> tuple[Jet, Jet]:
-    """Rotation (3, 3) and position (3,) [m] of F_b in the inertial frame that F_b coincides with at this instant.
+    """Return rotation (3, 3) and position (3,) [m] of F_b in the inertial frame that coincides with it at this instant.
 
     `body_twist` (6,) [m/s, rad/s] and `body_acceleration` (6,), the derivative of its components, are in F_b.
     """
@@ -88,9 +88,9 @@ def body_pose(body_twist: ArrayLike, body_acceleration: ArrayLike) -> tuple[Jet,
 
 
 def support_pose(parameters: Parameters, side: int, rod_motion: ArrayLike) -> tuple[Jet, Jet]:
-    """Rotation (3, 3) and position (3,) [m] of the support frame F_0 in F_b, from the mechanism's closure |AB| = L.
+    """Return rotation (3, 3) and position (3,) [m] of the support frame F_0 in F_b, from the closure |AB| = L.
 
-    x_0 points from A to B, y_0 is level in F_b, on both sides; that is (7) to (9) without the angles theta and beta.
+    On both sides x_0 points from A to B, and y_0 is level in F_b: this is (7) to (9) without the angles theta and beta.
     `rod_motion` (2, 3): rows front, rear; angle [rad], rate [rad/s], acceleration [rad/s^2], positive with the tip up.
     """
     rods = parameters.rods
@@ -111,7 +111,7 @@ def support_pose(parameters: Parameters, side: int, rod_motion: ArrayLike) -> tu
 
 
 class SupportMotion(NamedTuple):
-    """Where the support frame F_0 is in F_b, and how it moves in the inertial frame, in F_0's components."""
+    """Pose of the support frame F_0 in F_b, and its motion relative to the inertial frame, with components in F_0."""
 
     rotation: NDArray  # (3, 3)
     position: NDArray  # (3,) [m]
@@ -121,9 +121,9 @@ class SupportMotion(NamedTuple):
 
 def support_motion(parameters: Parameters, side: int, rod_motion: ArrayLike, body_twist: ArrayLike,
                    body_acceleration: ArrayLike) -> SupportMotion:
-    """The support's twist and its derivative, what (10) should say, from the derivatives of its pose alone.
+    """Return the support's twist and its derivative, the exact form of (10), from the derivatives of its pose alone.
 
-    Arguments as `fin_dynamics`.
+    The arguments are those of `fin_dynamics`.
     """
     rotation_in_body, position_in_body = support_pose(parameters, side, rod_motion)
     body_rotation, body_position = body_pose(body_twist, body_acceleration)
@@ -137,7 +137,7 @@ def support_motion(parameters: Parameters, side: int, rod_motion: ArrayLike, bod
 
 
 def _add_fin(model: pinocchio.Model, parent: int, placement: pinocchio.SE3, parameters: Parameters, side: int) -> None:
-    """Hang a fin's chains on joint `parent`, whose frame sees F_0 at `placement`; frames mark midpoints and tips."""
+    """Add a fin's chains to joint `parent`, in whose frame F_0 is at `placement`; frames mark midpoints and tips."""
     fin, outward = parameters.fin, OUTWARD[side]
     width, length = parameters.rods.support_length / fin.chains, fin.span / fin.links
     mass = fin.density * fin.thickness * length * width
@@ -158,11 +158,12 @@ def _add_fin(model: pinocchio.Model, parent: int, placement: pinocchio.SE3, para
 
 
 def fin_tree(parameters: Parameters, side: int = 0) -> pinocchio.Model:
-    """One fin, 6 + n m degrees of freedom: F_0 as a massless free-flyer, joint j of chain k at index 6 + k m + j.
+    """Return one fin with 6 + n m degrees of freedom.
 
-    The chains stand along x_0 by the midpoint rule; links are uniform thin rods, each with its chain's share ds of the
-    chord, so of mass rho_f h dl ds [kg]. No gravity. Frames `midpoint_{side}_{k}_{j}` and `tip_{side}_{k}_{j}` are on
-    each link.
+    F_0 is a massless free-flyer, and joint j of chain k has the index 6 + k m + j. The chains are placed along x_0 by
+    the midpoint rule. The links are uniform thin rods; each has its chain's share ds of the chord, so its mass is
+    rho_f h dl ds [kg]. There is no gravity. Each link has the frames `midpoint_{side}_{k}_{j}` and
+    `tip_{side}_{k}_{j}`.
     """
     model = pinocchio.Model()
     model.gravity.setZero()
@@ -172,9 +173,10 @@ def fin_tree(parameters: Parameters, side: int = 0) -> pinocchio.Model:
 
 
 def swimmer_tree(parameters: Parameters) -> pinocchio.Model:
-    """The whole robot, 6 + 2 n m degrees of freedom: the body as free-flyer at its center of mass, left fin, right fin.
+    """Return the whole robot with 6 + 2 n m degrees of freedom.
 
-    The supports are fixed to the body where rods at zero angle hold them. No gravity, no water.
+    The body is a free-flyer at its center of mass; the left fin and then the right fin follow. The supports are fixed
+    to the body where rods at zero angle hold them. There is neither gravity nor water.
     """
     model = pinocchio.Model()
     model.gravity.setZero()
@@ -188,7 +190,7 @@ def swimmer_tree(parameters: Parameters) -> pinocchio.Model:
 
 
 def link_normals(roots: NDArray, tips: NDArray) -> NDArray:
-    """The unit normals of the links (n, m, 3), (11), from their ends (n, m, 3), in the frame of these."""
+    """Return the unit normals of the links (n, m, 3), (11), from their ends (n, m, 3) [m], in the same frame."""
     ends = roots + tips
     tangents = np.empty_like(ends)
     tangents[1:-1] = ends[:-2] - ends[2:]
@@ -199,10 +201,10 @@ def link_normals(roots: NDArray, tips: NDArray) -> NDArray:
 
 
 def drag_forces(parameters: Parameters, roots: NDArray, tips: NDArray, velocities: NDArray) -> NDArray:
-    """Morison drag at each link's midpoint, (11) and (12), per unit chord: (n, m, 3) [N/m].
+    """Return Morison's drag at each link's midpoint, (11) and (12), per unit chord (n, m, 3) [N/m].
 
-    `roots`, `tips` (n, m, 3) [m]: the links' ends; `velocities` (n, m, 3) [m/s]: the midpoints', relative to the water;
-    all in one frame, which is the result's too.
+    `roots` and `tips` (n, m, 3) [m] are the links' ends, and `velocities` (n, m, 3) [m/s] are those of the midpoints
+    relative to the water. All are in one frame, which is also that of the result.
     """
     fin, normals = parameters.fin, link_normals(roots, tips)
     speeds = np.sum(velocities * normals, axis=-1, keepdims=True)
@@ -211,24 +213,24 @@ def drag_forces(parameters: Parameters, roots: NDArray, tips: NDArray, velocitie
 
 
 def added_mass(parameters: Parameters) -> float:
-    """The mass of water m_a that a link sets in motion along its normal, per unit chord [kg/m]."""
+    """Return the added mass m_a of a link along its normal, per unit chord [kg/m]."""
     water, fin, chord = parameters.water, parameters.fin, parameters.rods.support_length
     return water.added_mass_coefficient * water.added_mass_density * np.pi * (chord / 2.0)**2 / chord * (
         fin.span / fin.links)
 
 
 def added_mass_forces(parameters: Parameters, roots: NDArray, tips: NDArray, accelerations: NDArray) -> NDArray:
-    """Morison's inertia term at each link's midpoint, per unit chord: (n, m, 3) [N/m].
+    """Return Morison's inertia term at each link's midpoint, per unit chord (n, m, 3) [N/m].
 
-    As `drag_forces`, with the midpoints' `accelerations` (n, m, 3) [m/s^2] in the inertial frame, which are those
-    relative to a water in uniform motion.
+    The arguments are those of `drag_forces`, but with the midpoints' `accelerations` (n, m, 3) [m/s^2] relative to the
+    inertial frame. They are the same relative to water in uniform motion.
     """
     normals = link_normals(roots, tips)
     return -added_mass(parameters) * np.sum(accelerations * normals, axis=-1, keepdims=True) * normals
 
 
 def joint_torques(parameters: Parameters, joint_angles: NDArray, joint_rates: NDArray) -> NDArray:
-    """Elastic and damping torque of each joint, (13) to (15), per unit chord: (n, m) [N]."""
+    """Return the elastic and damping torque of each joint, (13) to (15), per unit chord (n, m) [N]."""
     fin = parameters.fin
     bending_stiffness = fin.youngs_modulus * fin.thickness**3 / 12.0
     slope = np.tan(0.5 * joint_angles)
@@ -237,7 +239,7 @@ def joint_torques(parameters: Parameters, joint_angles: NDArray, joint_rates: ND
 
 
 def _accelerations(model: pinocchio.Model, data: pinocchio.Data, marks: NDArray) -> NDArray:
-    """Accelerations (n, m, 3) [m/s^2] of the points that the frames `marks` (n, m) mark, after forwardKinematics."""
+    """Return the accelerations (n, m, 3) [m/s^2] of the frames `marks` (n, m), after forwardKinematics."""
     accelerations = np.empty((*marks.shape, 3))
     for k, j in np.ndindex(marks.shape):
         accelerations[k, j] = pinocchio.getFrameClassicalAcceleration(
@@ -247,7 +249,7 @@ def _accelerations(model: pinocchio.Model, data: pinocchio.Data, marks: NDArray)
 
 def _on_joints(model: pinocchio.Model, data: pinocchio.Data, marks: NDArray, points: NDArray,
                forces: NDArray) -> pinocchio.StdVec_Force:
-    """Forces (n, m, 3) [N] at points (n, m, 3) of the links with the frames `marks` (n, m), as rnea takes them."""
+    """Return forces (n, m, 3) [N] at points (n, m, 3) [m] of the links with the frames `marks`, in the form of rnea."""
     external = pinocchio.StdVec_Force([pinocchio.Force.Zero() for _ in range(model.njoints)])
     for k, j in np.ndindex(marks.shape):
         joint = int(model.frames[int(marks[k, j])].parentJoint)
@@ -259,16 +261,18 @@ def _on_joints(model: pinocchio.Model, data: pinocchio.Data, marks: NDArray, poi
 def fin_dynamics(parameters: Parameters, side: int, rod_motion: ArrayLike, joint_angles: ArrayLike,
                  joint_rates: ArrayLike, body_twist: ArrayLike, body_acceleration: ArrayLike,
                  water_velocity: ArrayLike = (0.0, 0.0, 0.0)) -> tuple[NDArray, NDArray]:
-    """Joint accelerations (n, m) [rad/s^2] and the fin's wrench on the body (6,) [N, N m].
+    """Return the joint accelerations (n, m) [rad/s^2] and the fin's wrench on the body (6,) [N, N m].
 
     `side` 0 left, 1 right; `rod_motion` (2, 3): rows front, rear, columns angle, rate, acceleration [rad, s];
-    `joint_angles`, `joint_rates` (n, m) [rad, rad/s]; `body_twist`, `body_acceleration` (6,) in F_b, linear part
-    first, the acceleration being the derivative of the twist's components (the spatial acceleration that Pinocchio
-    means for a free-flyer); `water_velocity` (3,) [m/s] over the ground, in F_b. The wrench is about the center of
-    mass, in F_b. The base's motion is prescribed: the joint rows of the equations of motion give their accelerations,
-    the base's rows then give what the support must exert. The added mass enters the joint rows as G^T m_a G, with G
-    the midpoints' speeds along their normals per generalized velocity, and the base's rows as the forces it makes.
-    Pinocchio's workspace takes some 32 (6 + n m)^3 bytes: keep n m below 300.
+    `joint_angles`, `joint_rates` (n, m) [rad, rad/s]; `body_twist`, `body_acceleration` (6,) in F_b, with the linear
+    part first. The acceleration is the derivative of the twist's components, the spatial acceleration that Pinocchio
+    uses for a free-flyer. `water_velocity` (3,) [m/s] is relative to the ground, in F_b. The wrench is about the center
+    of mass, in F_b.
+
+    The motion of the base is prescribed. The joints' rows of the equations of motion give the joint accelerations, and
+    the base's rows then give the wrench that the support must exert. The added mass enters the joints' rows as
+    G^T m_a G, where G is the Jacobian of the midpoints' speeds along their normals, and the base's rows as its forces.
+    Pinocchio's workspace takes about 32 (6 + n m)^3 bytes: keep n m below 300.
     """
     fin, width = parameters.fin, parameters.rods.support_length / parameters.fin.chains
     angles, rates = (np.asarray(x, dtype=float).reshape(fin.chains, fin.links) for x in (joint_angles, joint_rates))
@@ -297,8 +301,8 @@ def fin_dynamics(parameters: Parameters, side: int, rod_motion: ArrayLike, joint
 
     forces = drag_forces(parameters, roots, tips, velocities) * width
     torques = joint_torques(parameters, angles, rates).ravel() * width
-    forces_of_drift = added_mass_forces(parameters, roots, tips, _accelerations(model, data, marks)) * width
-    bias = pinocchio.rnea(model, data, q, v, a, _on_joints(model, data, marks, midpoints, forces + forces_of_drift))
+    bias_forces = added_mass_forces(parameters, roots, tips, _accelerations(model, data, marks)) * width
+    bias = pinocchio.rnea(model, data, q, v, a, _on_joints(model, data, marks, midpoints, forces + bias_forces))
     bias = bias[6:].copy()
     inertia = pinocchio.crba(model, data, q)
     inertia = np.triu(inertia) + np.triu(inertia, 1).T
@@ -316,13 +320,13 @@ def fin_dynamics(parameters: Parameters, side: int, rod_motion: ArrayLike, joint
 def fin_points(
     parameters: Parameters, side: int, state: tuple[NDArray, ...], joint_accelerations: NDArray, part: float,
 ) -> Jet:
-    """Return the points at `part` (0 root, 1 tip) of every link as a jet (n, m, 3), in the frame of `body_pose`."""
+    """Return the points at `part` (0 root, 1 tip) of every link as a jet (n, m, 3) [m], in the frame of `body_pose`."""
     fin, (rod_motion, joint_angles, joint_rates, body_twist, body_acceleration) = parameters.fin, state
-    turned = Jet(*(np.cumsum(x, axis=1) for x in (joint_angles, joint_rates, joint_accelerations)))
-    sine, cosine = np.sin(turned.value), np.cos(turned.value)
+    directions = Jet(*(np.cumsum(x, axis=1) for x in (joint_angles, joint_rates, joint_accelerations)))
+    sine, cosine = np.sin(directions.value), np.cos(directions.value)
     length = constant(fin.span / fin.links)
-    out = constant(OUTWARD[side]) * length * turned.through(cosine, -sine, -cosine)
-    up = length * turned.through(sine, cosine, -sine)
+    out = constant(OUTWARD[side]) * length * directions.through(cosine, -sine, -cosine)
+    up = length * directions.through(sine, cosine, -sine)
     y, z = (Jet(*(np.cumsum(x, axis=1) - (1.0 - part) * x for x in (step.value, step.first, step.second)))
             for step in (out, up))
     width = parameters.rods.support_length / fin.chains
@@ -335,7 +339,10 @@ def fin_points(
 
 
 def momentum(tree: pinocchio.Model, state: State) -> NDArray:
-    """Return linear and angular momentum (6,) of a `swimmer_tree` about the world's origin, world components."""
+    """Return the linear and angular momentum (6,) [N s, N m s] of a `swimmer_tree` about the world's origin.
+
+    The components are those in the world frame.
+    """
     q = np.concatenate([state.position, state.orientation, state.joint_angles.ravel()])
     v = np.concatenate([state.twist, state.joint_rates.ravel()])
     data = tree.createData()

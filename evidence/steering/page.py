@@ -32,8 +32,8 @@ measured all numbers on this page and wrote it.
 
 ## The smallest controller
 
-[`examples/turn_with_feedback.py`](https://example.org/manta_sim_ros) is a complete node in less than 60 lines: it holds
-a heading with the difference of the phases. Start the simulator, then the controller, with simulated time:
+`examples/turn_with_feedback.py` is a complete node in less than 60 lines: it holds a heading with the difference of the
+phases of both fins. Start the simulator, then the controller, with simulated time:
 
 ```bash
 ros2 run manta_sim_ros sim_node
@@ -78,8 +78,8 @@ The robot flaps at {FREQUENCY:g} Hz, and its body oscillates at this frequency: 
 filter this frequency out, before the controller uses it.
 
 A command that the mechanism cannot follow, or cannot reach from the present gait, is refused as a whole with a warning
-that names the value and the bound; the previous gait continues. With `command_timeout` the amplitudes go to zero when no
-command comes for that time."""),
+that names the value and the bound; the previous gait continues. With `command_timeout` the amplitudes go to zero when
+no command comes for that time."""),
     ]) + '\n'
 
 
@@ -111,10 +111,10 @@ def rules(responses: Sequence[Response]) -> str:
     lift, roll = found[FRONT_BIAS.name], found[OPPOSITE_BIASES.name]
     return '\n'.join(f'- {prose(line)}' for line in (
         f'Amplitude and frequency set the thrust and so the speed. A negative phase reverses it: {back.speed:.2f} m/s.',
-        'The robot turns to the side of the weaker fin. With a smaller phase or a smaller amplitude on the right it turns '
-        f'to the right, with {phase.yaw_rate:.1f} and {amplitude.yaw_rate:.1f}°/s. The phase costs less thrust.',
-        f'Biases set the incidence of the fins. A positive front bias lifts the robot with {lift.climb:.3f} m/s. Opposite '
-        f'front biases roll it by {roll.roll:.1f}°. The buoyancy restores pitch and roll.',
+        'The robot turns to the side of the weaker fin. With a smaller phase or a smaller amplitude on the right it '
+        f'turns to the right, with {phase.yaw_rate:.1f} and {amplitude.yaw_rate:.1f}°/s.',
+        f'Biases set the incidence of the fins. A positive front bias lifts the robot with {lift.climb:.3f} m/s. '
+        f'Opposite front biases roll it by {roll.roll:.1f}°. The buoyancy restores pitch and roll.',
     ))
 
 

@@ -1,1 +1,1 @@
-"""The physics, verified claim by claim: `python -m evidence.verification` writes docs/verification.md."""
+"""Verification of the physics, claim by claim: `python -m evidence.verification` writes docs/verification.md."""

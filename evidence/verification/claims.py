@@ -1,7 +1,7 @@
-"""What the verification states: a claim with its measured error and tolerance, and a section of the page about some.
+"""The claims of the verification, with their measured errors and tolerances, and the sections of its page.
 
-A theme is a module with a tuple `CHECKS` of functions `check(quick: bool = False) -> Section`; `quick` asks for the
-smaller grid that the tests of every day can afford. Names and tolerances of the claims must not depend on it.
+A theme is a module with a tuple `CHECKS` of functions `check(quick: bool = False) -> Section`. `quick` selects a
+smaller grid that the regular tests can afford. The names and tolerances of the claims must not depend on it.
 """
 
 from __future__ import annotations
@@ -21,9 +21,10 @@ Bounds = tuple[float, float]
 class Claim:
     """One statement about the simulator, measured.
 
-    `error` is at most `tolerance`; or, where the tolerance is a pair, from its first to its second value, both included
-    (a measured order of convergence, say). `reference` is what it is measured against, `reason` where the tolerance
-    comes from: derived, or measured with which margin. `unit` is that of both numbers; without one, they are relative.
+    `error` must be at most `tolerance`. Where the tolerance is a pair, the error must lie between its first and its
+    second value, both included; such an error is, for example, a measured order of convergence. `reference` is what the
+    error is measured against. `reason` says where the tolerance comes from: whether it is derived, or measured and with
+    which margin. `unit` is the unit of both numbers; without a unit they are relative.
     """
 
     name: str
@@ -35,13 +36,13 @@ class Claim:
 
     @property
     def holds(self) -> bool:
-        """Whether the error is within the tolerance; an error that is no number is not."""
+        """Whether the error is within the tolerance; an error that is NaN or infinite is not."""
         low, high = self.tolerance if isinstance(self.tolerance, tuple) else (-math.inf, self.tolerance)
         return math.isfinite(self.error) and low <= self.error <= high
 
     @property
     def error_text(self) -> str:
-        """The error to two significant digits, as the page shows it; three where it lies between bounds."""
+        """The error as the page shows it: two significant digits, or three where the tolerance is a pair."""
         return rounded(self.error, 3 if isinstance(self.tolerance, tuple) else 2, self.unit)
 
     @property
@@ -54,7 +55,7 @@ class Claim:
 
 
 def rounded(value: float, digits: int = 2, unit: str = '') -> str:
-    """Return `value` with so many significant digits and its unit: 1.3e-10, 0.024 m, 120 Hz."""
+    """Return `value` with this number of significant digits and its unit, such as 1.3e-10, 0.024 m or 120 Hz."""
     text = f'{value:#.{digits}g}'
     if 'e+' in text and abs(value) < 1e6:
         text = f'{float(text):.0f}'
@@ -63,10 +64,10 @@ def rounded(value: float, digits: int = 2, unit: str = '') -> str:
 
 @dataclasses.dataclass(frozen=True)
 class Section:
-    """A section of docs/verification.md: claims, the prose that goes with them, and the plot of the same data.
+    """A section of docs/verification.md: claims, the prose about them, and the plot of the same data.
 
-    `text` is Markdown: why the reference is independent, why the tolerances are what they are, what is not shown. All
-    its numbers come from the run. `draw` fills a figure, which `caption` describes.
+    `text` is Markdown. It says why the reference is independent and what the section does not verify. All its numbers
+    come from the run. `draw` draws the plot into a figure, and `caption` describes it.
     """
 
     title: str

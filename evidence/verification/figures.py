@@ -1,4 +1,4 @@
-"""The plots of docs/verification.md: how they are written, and what several sections share."""
+"""The plots of docs/verification.md: functions that several sections share."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def save(section: Section, path: Path) -> None:
 def draw_convergence(
     axes: Axes, sizes: ArrayLike, errors: Mapping[str, Sequence[float]], orders: Mapping[str, int], *, label: str,
 ) -> None:
-    """Plot errors against step or mesh width, both logarithmic, each beside the slope of its expected order."""
+    """Plot errors against the step or mesh width on logarithmic axes, each with a line of its expected order."""
     widths = np.asarray(sizes, dtype=float)
     for marker, (name, values) in zip(MARKERS, errors.items(), strict=False):
         order = orders[name]
@@ -39,11 +39,11 @@ def draw_convergence(
 
 
 def mark(axes: Axes, sizes: ArrayLike) -> None:
-    """Put the ticks of a logarithmic horizontal axis at the sizes that were measured, as plain numbers."""
+    """Set the ticks of a logarithmic horizontal axis to the sizes that were measured, as plain numbers."""
     axes.set_xticks(sizes, [f'{size:g}' for size in np.asarray(sizes)])
     axes.minorticks_off()
 
 
 def fitted_order(widths: ArrayLike, errors: ArrayLike) -> float:
-    """Return p of error ~ width^p, fitted to all points in logarithms."""
+    """Return p of error ~ width^p, fitted to the logarithms of all points."""
     return float(np.polyfit(np.log(np.asarray(widths, dtype=float)), np.log(np.asarray(errors, dtype=float)), 1)[0])

@@ -1,9 +1,10 @@
 """Energy, power and momentum of the whole robot from the positions and velocities of its parts, in plain NumPy.
 
-Nothing here uses the simulator's equations. A link is two point masses at Gauss's points of its length, which have the
-kinetic energy, the momentum and the angular momentum of a uniform thin rod exactly; the supports come from the closure
-of the six-link mechanism (`pinocchio_tree.support_pose` of the tests), the rods from (38). Components are those of F_b
-unless said otherwise; the leading axis of a fin's arrays is the chain, the next one time.
+Nothing here uses the simulator's equations. A link is two point masses at the Gauss points of its length, which have
+exactly the kinetic energy, the momentum and the angular momentum of a uniform thin rod. The poses of the supports
+follow from the closure of the six-link mechanism (`pinocchio_tree.support_pose`), and the motion of the rods is (38).
+Components are those in F_b unless another frame is given. The first axis of a fin's arrays is the chain, and the second
+is the time.
 """
 
 from __future__ import annotations
@@ -26,16 +27,16 @@ Commands = tuple[FinCommand, FinCommand]
 
 
 class Supports(NamedTuple):
-    """Pose of F_0 in F_b of both supports, and its rate, at T times."""
+    """Pose of F_0 in F_b of both supports, and its time derivative, at T times."""
 
     rotation: NDArray  # (T, 2, 3, 3)
-    rotation_rate: NDArray  # [1/s]
+    rotation_dot: NDArray  # (T, 2, 3, 3) [1/s]
     position: NDArray  # (T, 2, 3) [m]
-    position_rate: NDArray  # [m/s]
+    position_dot: NDArray  # (T, 2, 3) [m/s]
 
 
 class History(NamedTuple):
-    """States at T times, fields as in `State`, and the supports at these times."""
+    """States at T times, with fields as in `State`, and the supports at these times."""
 
     time: NDArray  # (T,) [s]
     position: NDArray  # (T, 3) [m], world
@@ -50,7 +51,7 @@ class History(NamedTuple):
 class FinMotion(NamedTuple):
     """Points of one fin's links: positions [m] and inertial velocities [m/s], (n, T, m, points, 3), components in F_b.
 
-    `relative_twist` (T, 6) is that of the support against the body, about the body's center of mass.
+    `relative_twist` (T, 6) is that of the support relative to the body, about the body's center of mass.
     """
 
     positions: NDArray
@@ -59,18 +60,18 @@ class FinMotion(NamedTuple):
 
 
 def rods_of(parameters: Parameters, command: FinCommand, time: NDArray) -> NDArray:
-    """Return (T, 2, 3): front, rear; angle, rate, acceleration [rad, s] of a gait taken at once at time 0, (38)."""
-    rods, pulsation = parameters.rods, 2.0 * math.pi * command.frequency
+    """Return (T, 2, 3) [front or rear; angle, rate or acceleration] [rad, s] of the rods, (38) from time 0 on."""
+    rods, psi_dot = parameters.rods, 2.0 * math.pi * command.frequency
     front = math.asin(rods.rear_radius / rods.front_radius * math.sin(command.amplitude))
     motion = []
     for amplitude, phase, bias in (front, command.phase, command.front_bias), (command.amplitude, 0, command.rear_bias):
-        sine, cosine = np.sin(pulsation * time + phase), np.cos(pulsation * time + phase)
-        motion.append([amplitude * sine + bias, amplitude * pulsation * cosine, -amplitude * pulsation**2 * sine])
+        sine, cosine = np.sin(psi_dot * time + phase), np.cos(psi_dot * time + phase)
+        motion.append([amplitude * sine + bias, amplitude * psi_dot * cosine, -amplitude * psi_dot**2 * sine])
     return np.moveaxis(np.array(motion), 2, 0)
 
 
 def supports_of(parameters: Parameters, commands: Commands, time: NDArray) -> Supports:
-    """Return how both supports move, from the closure of the mechanism and (38)."""
+    """Return the motion of both supports, from the closure of the mechanism and (38)."""
     sides = []
     for side, command in enumerate(commands):
         poses = [support_pose(parameters, side, rods) for rods in rods_of(parameters, command, time)]
@@ -80,50 +81,50 @@ def supports_of(parameters: Parameters, commands: Commands, time: NDArray) -> Su
 
 
 def recorded(simulator: Simulator, commands: Commands, duration: float, every: int = 1) -> History:
-    """Advance by `duration` [s] and return the history, a state each `every` steps and the first.
+    """Advance by `duration` [s] and return the history: the first state, and then one state every `every` steps.
 
-    `commands` are the gaits, commanded at time 0 with `rods.command_time_constant` 0.
+    `commands` are the gaits that were commanded at time 0, with `rods.command_time_constant` 0.
     """
     parameters = simulator.parameters
-    pace = every * parameters.solver.time_step
+    interval = every * parameters.solver.time_step
     states = [simulator.state]
-    for _ in range(round(duration / pace)):
-        states.append(simulator.advance(pace))
+    for _ in range(round(duration / interval)):
+        states.append(simulator.advance(interval))
     fields = {name: np.array([getattr(state, name) for state in states]) for name in History._fields[:-1]}
     return History(**fields, supports=supports_of(parameters, commands, fields['time']))
 
 
 def fin_motion(parameters: Parameters, history: History, side: int, fractions: NDArray) -> FinMotion:
-    """Return the points at `fractions` of each link's length, from its root, and how they move."""
+    """Return position and velocity of the points at `fractions` of each link's length, from its root."""
     fin, length, outward = parameters.fin, parameters.rods.support_length, OUTWARD[side]
     link = fin.span / fin.links
-    turn, turn_rate, origin, origin_rate = (of_both[:, side] for of_both in history.supports)
+    rotation, rotation_dot, origin, origin_dot = (of_both[:, side] for of_both in history.supports)
 
     angles = np.moveaxis(np.cumsum(history.joint_angles[:, side], axis=-1), 1, 0)  # (n, T, m)
     rates = np.moveaxis(np.cumsum(history.joint_rates[:, side], axis=-1), 1, 0)
     zeros = np.zeros_like(angles)
     along = link * np.stack([zeros, outward * np.cos(angles), np.sin(angles)], axis=-1)
-    along_rate = link * rates[..., None] * np.stack([zeros, -outward * np.sin(angles), np.cos(angles)], axis=-1)
+    along_dot = link * rates[..., None] * np.stack([zeros, -outward * np.sin(angles), np.cos(angles)], axis=-1)
     station = (fin.chains - np.arange(fin.chains) - 0.5) * length / fin.chains
     root = np.cumsum(along, axis=2) - along + station[:, None, None, None] * [1.0, 0.0, 0.0]
-    root_rate = np.cumsum(along_rate, axis=2) - along_rate
+    root_dot = np.cumsum(along_dot, axis=2) - along_dot
     local = root[..., None, :] + fractions[:, None] * along[..., None, :]
-    local_rate = root_rate[..., None, :] + fractions[:, None] * along_rate[..., None, :]
+    local_dot = root_dot[..., None, :] + fractions[:, None] * along_dot[..., None, :]
 
     def to_body(matrix: NDArray, vectors: NDArray) -> NDArray:
         return np.einsum('tab,ntmpb->ntmpa', matrix, vectors)
 
-    positions = origin[:, None, None] + to_body(turn, local)
-    relative = origin_rate[:, None, None] + to_body(turn_rate, local) + to_body(turn, local_rate)
+    positions = origin[:, None, None] + to_body(rotation, local)
+    relative = origin_dot[:, None, None] + to_body(rotation_dot, local) + to_body(rotation, local_dot)
     velocity, omega = history.twist[:, None, None, :3], history.twist[:, None, None, 3:]
-    spin = np.einsum('tab,tcb->tac', turn_rate, turn)  # of the support against the body, as a matrix
+    spin = np.einsum('tab,tcb->tac', rotation_dot, rotation)  # of the support relative to the body, as a matrix
     omega_0 = np.stack([spin[:, 2, 1], spin[:, 0, 2], spin[:, 1, 0]], axis=-1)
-    twist_0 = np.concatenate([origin_rate - np.cross(omega_0, origin), omega_0], axis=-1)
+    twist_0 = np.concatenate([origin_dot - np.cross(omega_0, origin), omega_0], axis=-1)
     return FinMotion(positions, velocity + np.cross(omega, positions) + relative, twist_0)
 
 
 def _chord(parameters: Parameters) -> float:
-    """Return ds [m], the share of the chord that a chain stands for."""
+    """Return ds [m], each chain's share of the chord."""
     return parameters.rods.support_length / parameters.fin.chains
 
 
@@ -139,7 +140,7 @@ def to_world(history: History) -> NDArray:
 
 
 def energy(parameters: Parameters, history: History) -> dict[str, NDArray]:
-    """Return (T,) [J]: `kinetic` of body and links, `elastic` (13), `buoyancy`, of weight and buoyancy apart (35)."""
+    """Return (T,) [J] each: `kinetic` energy of body and links, `elastic` energy (13), energy of `buoyancy` (35)."""
     body, fin = parameters.body, parameters.fin
     inertia = np.array([body.mass] * 3 + list(body.inertia))
     kinetic = 0.5 * np.sum(inertia * history.twist**2, axis=1)
@@ -155,12 +156,12 @@ def energy(parameters: Parameters, history: History) -> dict[str, NDArray]:
 
 
 def power(parameters: Parameters, history: History) -> dict[str, NDArray]:
-    """Return (T,) [W] each: what `rods`, `drag` of fins and body, `added mass` and `dampers` do on the robot.
+    """Return (T,) [W] each: the power on the robot of `rods`, `drag` of fins and body, `added mass` and `dampers`.
 
-    The rods move the supports against the body, and the support hands the fin's wrench on: -wrench . relative twist.
+    The rods move the supports relative to the body against the fins' wrenches: their power is -wrench . relative twist.
     """
     body, fin, water = parameters.body, parameters.fin, parameters.water
-    rods, on_fins, set_in_motion = np.zeros((3, len(history.time)))
+    rods, drag_on_fins, added_mass = np.zeros((3, len(history.time)))
     rotations = to_world(history)
     current = np.einsum('tba,b->ta', rotations, np.array(water.current))
     for side in range(2):
@@ -168,29 +169,30 @@ def power(parameters: Parameters, history: History) -> dict[str, NDArray]:
         middle = fin_motion(parameters, history, side, MIDPOINT).velocities[..., 0, :]
         forces = drag_forces(
             parameters, ends.positions[..., 0, :], ends.positions[..., 1, :], middle - current[:, None])
-        on_fins += _chord(parameters) * np.sum(forces * middle, axis=(0, 2, 3))
+        drag_on_fins += _chord(parameters) * np.sum(forces * middle, axis=(0, 2, 3))
         if water.added_mass_coefficient > 0.0:
             in_world = np.einsum('tab,ntmb->ntma', rotations, middle)
-            followed = make_interp_spline(history.time, in_world, k=5, axis=1)
-            accelerations = np.einsum('tba,ntmb->ntma', rotations, followed.derivative()(history.time))
+            spline = make_interp_spline(history.time, in_world, k=5, axis=1)
+            accelerations = np.einsum('tba,ntmb->ntma', rotations, spline.derivative()(history.time))
             forces = added_mass_forces(
                 parameters, ends.positions[..., 0, :], ends.positions[..., 1, :], accelerations)
-            set_in_motion += _chord(parameters) * np.sum(forces * middle, axis=(0, 2, 3))
+            added_mass += _chord(parameters) * np.sum(forces * middle, axis=(0, 2, 3))
         rods -= np.sum(history.fin_wrenches[:, side] * ends.relative_twist, axis=1)
-    through_water = history.twist[:, :3] - current
-    speed = np.linalg.norm(through_water, axis=1, keepdims=True)
-    drag = -0.5 * water.density * np.multiply(body.drag_area, body.drag_coefficient) * speed * through_water
+    relative_velocity = history.twist[:, :3] - current
+    speed = np.linalg.norm(relative_velocity, axis=1, keepdims=True)
+    area = np.multiply(body.drag_area, body.drag_coefficient)
+    drag = -0.5 * water.density * area * speed * relative_velocity
     joints = -fin.joint_damping * _chord(parameters) * np.sum(history.joint_rates**2, axis=(1, 2, 3))
     return {
         'rods': rods,
-        'drag': on_fins + np.sum(drag * history.twist[:, :3], axis=1),
-        'added mass': set_in_motion,
+        'drag': drag_on_fins + np.sum(drag * history.twist[:, :3], axis=1),
+        'added mass': added_mass,
         'dampers': joints - np.sum(np.array(body.angular_damping) * history.twist[:, 3:] ** 2, axis=1),
     }
 
 
 def momentum(parameters: Parameters, history: History) -> NDArray:
-    """Return (T, 6): linear [N s] and angular [N m s] momentum of the robot, about the world's origin."""
+    """Return the linear and angular momentum (T, 6) [N s, N m s] of the robot about the origin, world frame."""
     body, rotations = parameters.body, to_world(history)
     linear = body.mass * history.twist[:, :3]
     angular = np.array(body.inertia) * history.twist[:, 3:]  # about the center of mass
@@ -204,5 +206,5 @@ def momentum(parameters: Parameters, history: History) -> NDArray:
 
 
 def without_smoothing(parameters: Parameters) -> Parameters:
-    """Return parameters with which commands are taken at once, as (38) has them."""
+    """Return parameters with which commands take effect at once, as in (38)."""
     return parameters.replace(rods={'command_time_constant': 0.0})

@@ -1,1 +1,1 @@
-"""The paper's numerical examples, Section 5: measured, drawn and animated. Nothing of ROS."""
+"""The paper's numerical examples, Section 5: measured, drawn and animated, without ROS."""

@@ -1,4 +1,4 @@
-"""Animations of the paper's gaits from rest on: the robot with its fins, from a fixed and from a following camera."""
+"""Animations of the paper's gaits from rest: the robot with its fins, from a fixed and from a following camera."""
 
 from __future__ import annotations
 
@@ -24,21 +24,21 @@ if TYPE_CHECKING:
 
 @dataclasses.dataclass(frozen=True)
 class Animation:
-    """What one animation shows."""
+    """The gait and the view of an animation."""
 
     name: str
     left: FinCommand
     right: FinCommand
     samples: int
-    """Frames a period."""
+    """Frames per flapping period."""
     azimuth: float
-    """Where the fixed camera is, seen from the middle of the way, from the world's x toward y [degrees]."""
+    """Direction of the fixed camera from the middle of the path, from the world's x axis toward y [degrees]."""
     zoom: float
-    """Size of the fixed view, as matplotlib has it."""
+    """Zoom of the fixed view in matplotlib."""
 
     @property
     def title(self) -> str:
-        """Name and gaits, left / right where they differ."""
+        """The name and the gaits, as left / right where they differ."""
         amplitude, phase = (
             ' / '.join(dict.fromkeys(f'{math.degrees(getattr(fin, name)):.0f}°' for fin in (self.left, self.right)))
             for name in ('amplitude', 'phase'))
@@ -50,19 +50,19 @@ ANIMATIONS = {
     'turn_set_1': Animation('Turn, set 1 (left / right)', *TURNS['set 1'], 12, -52.0, 0.85),
     'turn_set_2': Animation('Turn, set 2 (left / right)', *TURNS['set 2'], 12, -52.0, 0.85),
 }
-"""By file stem. All have 9.6 frames a second."""
+"""By file name without its ending. All have 9.6 frames per second."""
 
 FRAMES = 144
-"""Frames of an animation, 15 s."""
+"""Number of frames of an animation, which are 15 s."""
 
 SIZE, RESOLUTION = (9.0, 4.1), 100.0  # [in], [1/in]
 SHADOW_COLOR, PATH_COLOR, GRID_COLOR = '0.86', '#d55e00', '0.78'
 DEPTH, SPACING, SIGHT = 0.4, 0.25, 0.95
-"""Depth of the floor under the world's origin, spacing of its grid, and how far the following camera sees [m]."""
+"""Depth of the floor below the world's origin, spacing of its grid, and radius of the following view [m]."""
 
 
 def palette(scene: Scene) -> bytes:
-    """Return red, green, blue of each color of a GIF: the robot's, the scale's, grays, and the path's up to white."""
+    """Return the palette (red, green, blue) of a GIF: robot, color scale, grays, and the path's color up to white."""
     import matplotlib as mpl
 
     scale = mpl.colormaps[COLOR_MAP].resampled(HUES)(np.arange(HUES))[:, :3]
@@ -73,33 +73,33 @@ def palette(scene: Scene) -> bytes:
 
 
 class View:
-    """The robot, its path and its shadow on a floor, in one pair of axes."""
+    """The robot, its path and its shadow on a floor, in one 3D axes object."""
 
     def __init__(self, axes: Any, floor: float) -> None:
         from mpl_toolkits.mplot3d.art3d import Line3DCollection, Poly3DCollection  # type: ignore[import-untyped]
 
         self.axes, self.floor = axes, floor
         axes.computed_zorder = False
-        none = np.zeros((1, 4, 3))
-        self.grid = axes.add_collection3d(Line3DCollection(none, colors=GRID_COLOR, linewidths=0.6, zorder=1))
+        empty = np.zeros((1, 4, 3))
+        self.grid = axes.add_collection3d(Line3DCollection(empty, colors=GRID_COLOR, linewidths=0.6, zorder=1))
         self.shadow = axes.add_collection3d(
-            Poly3DCollection(none, facecolors=SHADOW_COLOR, linewidths=0.0, antialiaseds=False, zorder=2))
+            Poly3DCollection(empty, facecolors=SHADOW_COLOR, linewidths=0.0, antialiaseds=False, zorder=2))
         self.path, = axes.plot([], [], [], color=PATH_COLOR, linewidth=1.6, zorder=3)
-        self.robot = axes.add_collection3d(Poly3DCollection(none, linewidths=0.4, zorder=4))
+        self.robot = axes.add_collection3d(Poly3DCollection(empty, linewidths=0.4, zorder=4))
 
     def show(self, scene: Scene, frame: int) -> None:
-        """Put the robot, its shadow and its path so far."""
+        """Show the robot, its shadow and its path up to a frame."""
         self.robot.set_verts(scene.faces[frame])
         self.robot.set_facecolor(scene.colors[frame])
         self.robot.set_edgecolor(scene.colors[frame])
         self.shadow.set_verts(scene.faces[frame] * (1.0, 1.0, 0.0) + (0.0, 0.0, self.floor))
-        self.path.set_data_3d(*scene.swum.position[:frame + 1].T)
+        self.path.set_data_3d(*scene.record.position[:frame + 1].T)
 
     def follow(self, scene: Scene, frame: int) -> None:
-        """Put the camera behind the robot, a little to its left and above, and the floor's grid in a disc around it."""
-        heading = Rotation.from_quat(scene.swum.orientation[frame]).as_euler('ZYX', degrees=True)[0]
+        """Move the camera behind the robot, a little to its left and above, and the floor's grid below the robot."""
+        heading = Rotation.from_quat(scene.record.orientation[frame]).as_euler('ZYX', degrees=True)[0]
         self.axes.view_init(elev=24.0, azim=heading + 208.0)
-        middle = scene.swum.position[frame] * (1.0, 1.0, 0.0)
+        middle = scene.record.position[frame] * (1.0, 1.0, 0.0)
         self.axes.set(**{f'{x}lim': (at - SIGHT, at + SIGHT) for x, at in zip('xyz', middle, strict=True)})
         segments = []
         for i in (0, 1):
@@ -113,7 +113,7 @@ class View:
 
 
 def stage(figure: Figure, animation: Animation, scene: Scene) -> tuple[View, View]:
-    """Set up a figure and return its fixed and its following view."""
+    """Add the views, the color scale and the texts to a figure; return its fixed and its following view."""
     import matplotlib as mpl
     from matplotlib.ticker import MaxNLocator
 
@@ -131,7 +131,7 @@ def stage(figure: Figure, animation: Animation, scene: Scene) -> tuple[View, Vie
     following: Any = figure.add_axes((0.5, -0.06, 0.5, 1.10), projection='3d')
     following.set_box_aspect((1.0, 1.0, 1.0), zoom=1.88)
     following.set_axis_off()
-    fixed.set_zorder(1.0)  # its labels are over the following view
+    fixed.set_zorder(1.0)  # its labels are drawn over the following view
     fixed.patch.set_visible(False)
     colors = mpl.cm.ScalarMappable(
         mpl.colors.Normalize(-scene.height, scene.height), mpl.colormaps[COLOR_MAP].resampled(HUES))
@@ -158,7 +158,7 @@ def pictures(animation: Animation, scene: Scene, frames: int, done: Callable[[],
         fixed.show(scene, frame)
         following.show(scene, frame)
         following.follow(scene, frame)
-        clock.set_text(f't = {scene.swum.time[frame]:.2f} s')
+        clock.set_text(f't = {scene.record.time[frame]:.2f} s')
         canvas.draw()
         picture = Image.fromarray(np.asarray(canvas.buffer_rgba())[..., :3])
         yield picture.quantize(palette=colors, dither=Image.Dither.NONE)
@@ -179,11 +179,11 @@ def animate(
     import matplotlib as mpl
 
     if name not in ANIMATIONS:
-        raise ValueError(f'there is no animation {name!r}, only {", ".join(ANIMATIONS)}')
+        raise ValueError(f'{name!r} is not an animation; the animations are {", ".join(ANIMATIONS)}')
     animation = ANIMATIONS[name]
-    swum = record(robot(), animation.left, animation.right, math.ceil(frames / animation.samples), animation.samples)
-    ends = 10 * np.round(100.0 * swum.time[:frames]).astype(int)  # [ms]; a GIF counts hundredths of a second
+    states = record(robot(), animation.left, animation.right, math.ceil(frames / animation.samples), animation.samples)
+    ends = 10 * np.round(100.0 * states.time[:frames]).astype(int)  # [ms]; a GIF counts hundredths of a second
     with mpl.rc_context(STYLE):
-        images = pictures(animation, Scene.of(swum), frames, done)
+        images = pictures(animation, Scene.of(states), frames, done)
         next(images).save(target, format='GIF', save_all=True, append_images=images, loop=0,
                           duration=np.diff(ends, prepend=0).tolist())

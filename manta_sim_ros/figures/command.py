@@ -1,4 +1,4 @@
-"""The command `paper_figures`: measures, draws and animates what the paper shows."""
+"""The command `paper_figures`: it measures, draws and animates the paper's numerical examples."""
 
 from __future__ import annotations
 
@@ -55,15 +55,16 @@ def _turns(done: Done) -> dict[str, Any]:
 
 
 class Measurement(NamedTuple):
-    """Something that is measured at a time."""
+    """One measurement, which gives one or more figures."""
 
     names: tuple[str, ...]
-    """The figures that it gives."""
+    """Names of the figures."""
     parts: int
+    """Number of calls of `done`."""
     measure: Callable[[Done], dict[str, Any]]
 
 
-_MEASUREMENTS = (  # those that take longest first, or a core is idle at the end
+_MEASUREMENTS = (  # the longest first, so that no core is idle at the end
     Measurement(
         ('figure_8',), len(figure_8.FREQUENCIES) * (len(figure_8.AMPLITUDES) + len(figure_8.PHASES)), _figure_8),
     Measurement(('figure_10', 'figure_11'), 2 * len(TURNS), _turns),
@@ -91,20 +92,20 @@ def _write_animation(name: str, directory: Path, done: Done) -> dict[str, Any]:
 
 
 def figure_jobs(directory: Path, wanted: Sequence[str] = NAMES) -> list[Job]:
-    """Return the jobs that write what is `wanted` of NAMES into a directory that is there.
+    """Return the jobs that write the `wanted` figures and animations of NAMES into an existing directory.
 
-    Figures become a PNG and a CSV each, and are the jobs' results: a dictionary by their names. Animations become GIFs.
-    A file that is there already is replaced when its like is ready.
+    Each figure becomes a PNG and a CSV file, and each animation becomes a GIF file. The result of a job is a dictionary
+    of its figures by their names. An existing file is replaced when the new one is complete.
 
     Raises
     ------
     ValueError
-        A name is unknown.
+        A name is not one of NAMES.
 
     """
     unknown = [name for name in wanted if name not in NAMES]
     if unknown:
-        raise ValueError(f'{unknown[0]!r} is no figure or animation; there are {", ".join(NAMES)}')
+        raise ValueError(f'{unknown[0]!r} is neither a figure nor an animation; the names are {", ".join(NAMES)}')
     jobs = [Job(f'{name}.gif', FRAMES, functools.partial(_write_animation, name, directory))
             for name in ANIMATIONS if name in wanted]
     for names, parts, measure in _MEASUREMENTS:
@@ -116,28 +117,28 @@ def figure_jobs(directory: Path, wanted: Sequence[str] = NAMES) -> list[Job]:
 
 
 def made_directory(path: Path) -> Path:
-    """Make a directory and those above it, if need be, and return it.
+    """Make a directory and its parents where they do not exist, and return it.
 
     Raises
     ------
     OSError
-        It cannot be made, or not be written to; names it.
+        The directory cannot be made, or cannot be written to; the error names it.
 
     """
     try:
         path.mkdir(parents=True, exist_ok=True)
     except FileExistsError:
         raise NotADirectoryError(errno.ENOTDIR, os.strerror(errno.ENOTDIR), str(path)) from None
-    with tempfile.TemporaryFile(dir=path):  # fails where nothing can be written, whoever runs this
+    with tempfile.TemporaryFile(dir=path):  # fails if the directory cannot be written to, for any user
         return path
 
 
 def main(args: Sequence[str] | None = None) -> None:
-    """Run the command; exit with status 0, 1 when something fails, 2 for wrong arguments, 130 after Ctrl-C."""
+    """Run the command; the exit status is 0, 1 after a failure, 2 for wrong arguments, or 130 after Ctrl-C."""
     options = _parser().parse_intermixed_args(args)
     for ending in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         signal.signal(ending, _interrupt)
-    os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')  # of the processes that are started: one thread each
+    os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')  # one thread in each process that is started
     start = time.monotonic()
     try:
         directory = made_directory(options.output)
@@ -146,20 +147,20 @@ def main(args: Sequence[str] | None = None) -> None:
         jobs = figure_jobs(directory, options.names or NAMES)
         run_jobs(jobs, options.processes)
     except KeyboardInterrupt:
-        print('paper_figures: interrupted; files that were finished stay', file=sys.stderr)
+        print('paper_figures: interrupted; finished files are kept', file=sys.stderr)
         sys.exit(130)
     except BrokenExecutor:
-        sys.exit('paper_figures: one of its processes was killed (out of memory?); files that were finished stay')
+        sys.exit('paper_figures: one of its processes was killed (out of memory?); finished files are kept')
     except OSError as error:
         sys.exit(f'paper_figures: {error}')
     finally:
         clear_abandoned(options.output)
     count = sum(job.name.count(',') + 1 for job in jobs)
-    say(f'{count} files in {directory}, {time.monotonic() - start:.0f} s')
+    say(f'{count} files were written to {directory} in {time.monotonic() - start:.0f} s')
 
 
 def _interrupt(signum: int, frame: FrameType | None) -> None:
-    for ending in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):  # nothing interrupts the end
+    for ending in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):  # further signals are ignored
         signal.signal(ending, signal.SIG_IGN)
     raise KeyboardInterrupt
 
@@ -167,27 +168,27 @@ def _interrupt(signum: int, frame: FrameType | None) -> None:
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog='paper_figures',
-        description='Draw the results of Qu et al., J. Mar. Sci. Eng. 2024, 12, 292, as this simulator has them: '
-                    'Figures 7 to 11 as PNG with their data as CSV, and an animation of each gait as GIF.')
-    parser.add_argument('names', nargs='*', metavar='NAME', type=_name, help=f'what to make, by default all: '
-                        f'{", ".join(NAMES)}')
+        description='Draw the results of Qu et al., J. Mar. Sci. Eng. 2024, 12, 292, with this simulator: Figures 7 to '
+                    '11 as PNG files with their data as CSV files, and an animation of each gait as a GIF file.')
+    parser.add_argument('names', nargs='*', metavar='NAME', type=_name,
+                        help=f'the figures and animations to make (default: all of {", ".join(NAMES)})')
     parser.add_argument('-o', '--output', type=_directory, default=Path(DIRECTORY),
                         metavar='DIRECTORY',
-                        help='where to write, made if it is not there (default: %(default)s)')
+                        help='the directory to write to, which is made if necessary (default: %(default)s)')
     parser.add_argument('-j', '--processes', type=_count, default=None, metavar='N',
-                        help='how many to make at a time (default: as many as there are cores)')
+                        help='the number of processes that run at the same time (default: the number of cores)')
     return parser
 
 
 def _name(text: str) -> str:
     if text not in NAMES:
-        raise argparse.ArgumentTypeError(f'{text!r} is none of {", ".join(NAMES)}')
+        raise argparse.ArgumentTypeError(f'{text!r} is not one of {", ".join(NAMES)}')
     return text
 
 
 def _directory(text: str) -> Path:
     if not text:
-        raise argparse.ArgumentTypeError('it is empty, but must be the name of a directory')
+        raise argparse.ArgumentTypeError('the name of the directory is empty')
     return Path(text)
 
 
@@ -197,5 +198,5 @@ def _count(text: str) -> int:
     except ValueError:
         count = 0
     if count < 1:
-        raise argparse.ArgumentTypeError(f'{text!r} is no whole number from 1')
+        raise argparse.ArgumentTypeError(f'{text!r} is not a whole number greater than 0')
     return count

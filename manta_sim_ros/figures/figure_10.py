@@ -14,19 +14,19 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 LINES = {'set 1': ('-', '#0072b2'), 'set 2': ('--', '#d55e00')}
-"""Solid and broken, as in the paper."""
+"""Style and color: a solid and a dashed line, as in the paper."""
 
 
 @dataclasses.dataclass(frozen=True)
 class Figure10:
-    """Where the center of mass goes."""
+    """Trajectories of the center of mass."""
 
     height = 6.6
 
     turning: Turning
 
     def columns(self) -> dict[str, np.ndarray]:
-        """Return what the figure shows as columns of equal length."""
+        """Return the data of the figure as columns of equal length."""
         columns = {'time [s]': self.turning.turns[0].record.time}
         for turn in self.turning.turns:
             for axis, values in zip('xyz', turn.record.position.T, strict=True):
@@ -34,7 +34,7 @@ class Figure10:
         return columns
 
     def draw(self, figure: Figure) -> None:
-        """Draw a column for each number of chains: plan view above, in space below."""
+        """Draw a column for each number of chains, with the plan view above and the view in space below."""
         by_chains = self.turning.by_chains
         for column, (chains, turns) in enumerate(by_chains.items(), start=1):
             plan = figure.add_subplot(2, len(by_chains), column)
@@ -48,11 +48,11 @@ class Figure10:
             plan.set_aspect('equal', adjustable='datalim')
             plan.set_xlabel('x, ahead [m]')
             plan.set_ylabel('y, to the left [m]')
-            plan.set_title(f'{chains} chains a fin', fontsize=9)
+            plan.set_title(f'{chains} chains per fin', fontsize=9)
             plan.legend(loc='upper center', bbox_to_anchor=(0.5, -0.2))
             for axis in 'xyz':
                 space.locator_params(axis=axis, nbins=4)
-            space.set(xlabel='x [m]', ylabel='y [m]', zlabel='z, up, enlarged [m]')
+            space.set(xlabel='x [m]', ylabel='y [m]', zlabel='z, enlarged [m]')
             space.tick_params(labelsize=7)
             space.set_box_aspect((1.0, 1.0, 0.6), zoom=0.85)
         periods = self.turning.turns[0].record.periods
@@ -60,6 +60,6 @@ class Figure10:
 
 
 def described(turn: Turn) -> str:
-    """Return what the turn comes to: rate and radius, and whether they are steady."""
+    """Return rate and radius of the turn, and whether it is steady, in words."""
     steady = 'not steady' if turn.steady_from is None else f'steady from period {turn.steady_from + 1}'
     return f'{turn.name}: {turn.turning_rate:.1f} °/s, radius {turn.turning_radius:.2f} m, {steady}'

@@ -21,14 +21,14 @@ COMPONENTS = (('F_x', 'N'), ('F_y', 'N'), ('F_z', 'N'), ('M_x', 'N m'), ('M_y', 
 
 @dataclasses.dataclass(frozen=True)
 class Figure11:
-    """Force and moment about the center of mass, in F_b."""
+    """Force and moment of both fins on the body about its center of mass, in F_b."""
 
     height = 9.6
 
     turning: Turning
 
     def columns(self) -> dict[str, np.ndarray]:
-        """Return what the figure shows as columns of equal length."""
+        """Return the data of the figure as columns of equal length."""
         columns = {'time [s]': self.turning.turns[0].record.time}
         for turn in self.turning.turns:
             average = period_average(turn.record.wrench, turn.record.samples)
@@ -38,7 +38,7 @@ class Figure11:
         return columns
 
     def draw(self, figure: Figure) -> None:
-        """Draw a row for each component, one for the averaged M_z enlarged, and a column for each number of chains."""
+        """Draw a row for each component, a row for the averaged M_z, and a column for each number of chains."""
         by_chains = self.turning.by_chains
         panels = figure.subplots(len(COMPONENTS) + 1, len(by_chains), sharex=True, sharey='row', squeeze=False)
         for column, (chains, turns) in zip(panels.T, by_chains.items(), strict=True):
@@ -50,11 +50,11 @@ class Figure11:
                     axes.plot(turn.record.time, raw, color=color, linewidth=0.5, alpha=0.45)
                     axes.plot(turn.record.time, smooth, style, color=color, label=turn.name)
                 column[-1].plot(turn.record.time, average[:, -1], style, color=color)
-            column[0].set_title(f'{chains} chains a fin', fontsize=9)
+            column[0].set_title(f'{chains} chains per fin', fontsize=9)
             column[-1].set_xlabel('time [s]')
         for axes, (name, unit) in zip(panels[:, 0], COMPONENTS, strict=False):
             axes.set_ylabel(f'${name}$ [{unit}]')
         panels[-1, 0].set_ylabel('averaged\n$M_z$ [N m]')
         legend_below(figure, panels[0, 0].get_legend_handles_labels()[0], columns=2)
         figure.suptitle(
-            f'Wrench of both fins, f = {TURN_FREQUENCY:g} Hz: thin as it is, thick averaged over a period', fontsize=10)
+            f'Wrench of both fins, f = {TURN_FREQUENCY:g} Hz; thin: raw, thick: averaged over a period', fontsize=10)

@@ -1,4 +1,4 @@
-"""Figure 7: with the body held, waves run along the chord and along the span of the fin."""
+"""Figure 7: the wave that travels along the chord and along the span of a fin, with the body held."""
 
 from __future__ import annotations
 
@@ -31,15 +31,15 @@ class Figure7:
     gait: FinCommand
     chains: int
     transient: int
-    """Periods before the motion is periodic."""
+    """Number of periods before the motion is periodic."""
     cycle: np.ndarray
-    """(samples,) time over period, (0, 1]."""
+    """(samples,) time over period, greater than 0 and up to 1."""
     angles: np.ndarray
-    """(samples, 2, m) [leading or trailing, joint] [degrees]."""
+    """(samples, 2, m) joint angles [leading or trailing, joint] [degrees]."""
 
     @classmethod
     def measure(cls, parameters: Parameters | None = None, gait: FinCommand = STRAIGHT) -> Figure7:
-        """Flap the fins of a held robot, by default the paper's, until the motion is periodic."""
+        """Simulate a held robot, by default the paper's, until the motion is periodic."""
         held = robot(parameters, solver={'fixed_base': True})
         transient, period = recurring(
             flap(held, gait, gait), lambda record: record.joint_angles[:, 0, [LEADING, TRAILING]].reshape(
@@ -49,32 +49,32 @@ class Figure7:
 
     @property
     def chordwise_lags(self) -> np.ndarray:
-        """(m,) by which each joint of the trailing chain lags that of the leading one [degrees]."""
+        """(m,) lag of each joint of the trailing chain behind that of the leading chain [degrees]."""
         leading, trailing = fundamental(self.angles)
         return lag(leading, trailing)
 
     @property
     def spanwise_lags(self) -> np.ndarray:
-        """(2, m) by which each joint lags the first of its chain, leading and trailing [degrees]."""
+        """(2, m) lag of each joint behind the first of its chain, for the leading and the trailing chain [degrees]."""
         fundamentals = fundamental(self.angles)
         return lag(fundamentals[:, :1], fundamentals)
 
     @property
     def direction_lags(self) -> np.ndarray:
-        """(2, m) by which the direction of each link lags that of the first of its chain [degrees].
+        """(2, m) lag of the direction of each link behind that of the first link of its chain [degrees].
 
-        The direction, in F_0, is the sum of the joint angles up to the link.
+        The direction of a link in F_0 is the sum of the joint angles up to this link.
         """
         fundamentals = fundamental(np.cumsum(self.angles, axis=-1))
         return lag(fundamentals[:, :1], fundamentals)
 
     @property
     def cycles(self) -> tuple[np.ndarray, np.ndarray]:
-        """Time over period, and angles, of the two cycles that are shown."""
+        """Time over period (2 samples,) and angles (2 samples, 2, m) of the two cycles that are shown."""
         return (np.concatenate([self.cycle + whole for whole in range(CYCLES)]), np.concatenate([self.angles] * CYCLES))
 
     def columns(self) -> dict[str, np.ndarray]:
-        """Return what the figure shows as columns of equal length."""
+        """Return the data of the figure as columns of equal length."""
         cycle, angles = self.cycles
         names = [f'{end} chain q{joint + 1} [deg]'
                  for end in ('leading', 'trailing') for joint in range(self.angles.shape[2])]
@@ -82,14 +82,14 @@ class Figure7:
         return {'time / period': cycle, **dict(zip(names, curves, strict=True))}
 
     def draw(self, figure: Figure) -> None:
-        """Draw two cycles of the joints one by one, and those of the trailing chain on one scale."""
+        """Draw two cycles of each joint, and those of all joints of the trailing chain on one scale."""
         cycle, angles = self.cycles
         axes = figure.subplots(2, 2, sharex=True).ravel()
         for joint, panel in enumerate(axes[:3]):
             for end, (name, color) in enumerate(zip(
                     ('chain 1, leading edge', f'chain {self.chains}, trailing edge'), COLORS, strict=True)):
                 panel.plot(cycle, angles[:, end, joint], color=color, label=name)
-            panel.set_title(f'joint {joint + 1}: trailing edge lags {self.chordwise_lags[joint]:.1f}°', fontsize=9)
+            panel.set_title(f'joint {joint + 1}: trailing edge lags by {self.chordwise_lags[joint]:.1f}°', fontsize=9)
             panel.set_ylabel(f'$q_{joint + 1}$ [degrees]')
         for joint, style in enumerate(('-', '--', ':')):
             curve = angles[:, TRAILING, joint]

@@ -18,31 +18,33 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 FREQUENCIES = (0.2, 0.3, 0.4, 0.51, 0.6)
-"""[Hz]; 0.51 is the one that the text names, the prototype reaches 0.6."""
+"""Frequencies [Hz]; the text names 0.51 Hz, and the prototype reaches 0.6 Hz."""
 AMPLITUDES = (10.0, 20.0, 30.0, 40.0, 50.0)
+"""Amplitudes [degrees]."""
 PHASES = (-30.0, -20.0, -10.0, 0.0, 10.0, 20.0, 30.0)
+"""Phases [degrees]."""
 PHASE_OF_AMPLITUDES, AMPLITUDE_OF_PHASES = 30.0, 30.0
-"""[degrees] what stays the same in the left and in the right plot."""
+"""Constant phase of the left plot and constant amplitude of the right plot [degrees]."""
 
 
 @dataclasses.dataclass(frozen=True)
 class Figure8:
-    """Mean thrust over one period, once the thrust is periodic; negative is backward."""
+    """Mean thrust of both fins over one period, once it is periodic; a negative thrust is backward."""
 
     height = 3.2
 
     frequencies: tuple[float, ...]
-    """F of them [Hz]."""
+    """The F frequencies [Hz]."""
     amplitudes: tuple[float, ...]
-    """A of them [degrees], at phase 30."""
+    """The A amplitudes [degrees], with a phase of 30 degrees."""
     phases: tuple[float, ...]
-    """P of them [degrees], at amplitude 30."""
+    """The P phases [degrees], with an amplitude of 30 degrees."""
     thrust_of_amplitude: np.ndarray
-    """(F, A) [N]."""
+    """(F, A) mean thrust [N]."""
     thrust_of_phase: np.ndarray
-    """(F, P) [N]."""
+    """(F, P) mean thrust [N]."""
     longest_transient: int
-    """Periods before the thrust is periodic, of the case where it lasts longest."""
+    """Largest number of periods before the thrust is periodic, over all gaits."""
 
     @classmethod
     def measure(
@@ -50,7 +52,7 @@ class Figure8:
         amplitudes: tuple[float, ...] = AMPLITUDES, phases: tuple[float, ...] = PHASES,
         done: Callable[[], object] = lambda: None,
     ) -> Figure8:
-        """Flap the fins of a held robot, by default the paper's, in every gait; `done` is called after each."""
+        """Simulate a held robot, by default the paper's, in every gait; `done` is called after each gait."""
         transients = []
 
         def measured(amplitude: float, frequency: float, phase: float) -> float:
@@ -66,7 +68,7 @@ class Figure8:
         return cls(frequencies, amplitudes, phases, np.array(of_amplitude), np.array(of_phase), max(transients))
 
     def columns(self) -> dict[str, np.ndarray]:
-        """Return what the figure shows as columns of equal length, the left plot's rows first."""
+        """Return the data of the figure as columns of equal length, with the rows of the left plot first."""
         rows = [(frequency, amplitude, PHASE_OF_AMPLITUDES, thrust)
                 for frequency, thrusts in zip(self.frequencies, self.thrust_of_amplitude, strict=True)
                 for amplitude, thrust in zip(self.amplitudes, thrusts, strict=True)]
@@ -77,7 +79,7 @@ class Figure8:
         return dict(zip(names, np.array(rows).T, strict=True))
 
     def draw(self, figure: Figure) -> None:
-        """Draw thrust against amplitude and against phase, a line a frequency."""
+        """Draw the thrust against amplitude and against phase, with a line for each frequency."""
         left, right = figure.subplots(1, 2, sharey=True)
         for marker, frequency, of_amplitude, of_phase in zip(
                 MARKERS, self.frequencies, self.thrust_of_amplitude, self.thrust_of_phase, strict=False):
@@ -87,7 +89,7 @@ class Figure8:
         left.set_ylabel('mean thrust of both fins [N]')
         left.set_title(f'φ = {PHASE_OF_AMPLITUDES:.0f}°', fontsize=9)
         left.legend(title='frequency', title_fontsize=8)
-        right.set_xlabel('phase φ of the front rod ahead [degrees]')
+        right.set_xlabel('phase φ by which the front rod leads [degrees]')
         right.set_title(f'A = {AMPLITUDE_OF_PHASES:.0f}°', fontsize=9)
         for axes in (left, right):
             axes.axhline(0.0, color='0.6', linewidth=0.8, zorder=0)
@@ -96,7 +98,7 @@ class Figure8:
 def mean_thrust(
     parameters: Parameters | None, amplitude: float, frequency: float, phase: float,
 ) -> tuple[int, float]:
-    """Return how many periods the transient lasts with the body held, and the mean thrust of a period after it [N]."""
+    """Return the number of periods of the transient, with the body held, and the mean thrust [N] of the next period."""
     both = gait(amplitude, frequency, phase)
     held = robot(parameters, solver={'fixed_base': True})
     transient, period = recurring(flap(held, both, both), lambda record: record.wrench[:, 0])

@@ -1,4 +1,4 @@
-"""Figure 9: forward speed of the straight gait from rest on, at several amplitudes."""
+"""Figure 9: forward speed of the straight gait from rest, with several amplitudes."""
 
 from __future__ import annotations
 
@@ -18,14 +18,15 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 AMPLITUDES = (20.0, 30.0, 40.0, 50.0)
-FREQUENCY, PHASE = 0.6, 40.0
+"""Amplitudes [degrees]."""
+FREQUENCY, PHASE = 0.6, 40.0  # [Hz], [degrees]
 WINDOW = (4.0, 10.0)
-"""[s] over which the paper averages."""
-SHOWN = 12.0  # s
+"""Times between which the paper averages [s]."""
+SHOWN = 12.0  # [s]
 PERIODS = 20
-"""For how long the robot swims, to see whether it settles."""
+"""Number of periods of a swim, long enough for the speed to settle."""
 SETTLED = 0.01
-"""A swim has settled from when the mean of each period is within this part of the final one."""
+"""A swim has settled when the mean of each further period is within this share of the final speed."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -33,20 +34,20 @@ class Swim:
     """A straight swim from rest."""
 
     amplitude: float
-    """[degrees]."""
+    """Amplitude [degrees]."""
     chains: int
     time: np.ndarray
-    """(T,) [s]."""
+    """(T,) time [s]."""
     speed: np.ndarray
-    """(T,) forward velocity of the center of mass, F_b [m/s]."""
+    """(T,) forward velocity of the center of mass in F_b [m/s]."""
     samples: int
-    """Samples a period."""
+    """Samples per period."""
     attack: np.ndarray
     """(T,) angle of attack of the body, atan2(-V_z, V_x) [degrees]."""
 
     @property
     def average(self) -> np.ndarray:
-        """(T,) speed averaged over the period around each time, NaN where that is not whole [m/s]."""
+        """(T,) speed averaged over the period around each time [m/s]; NaN where this period is not complete."""
         return period_average(self.speed, self.samples)
 
     @property
@@ -60,8 +61,8 @@ class Swim:
         return float(self.speed[self.window].mean())
 
     @property
-    def ripple(self) -> float:
-        """Largest less smallest deviation of the speed from its average over a period, in the window [m/s]."""
+    def oscillation(self) -> float:
+        """Largest minus smallest deviation of the speed from its average over a period, in the window [m/s]."""
         return float(np.ptp((self.speed - self.average)[self.window]))
 
     @property
@@ -76,33 +77,35 @@ class Swim:
 
     @property
     def settled_from(self) -> int | None:
-        """From which period on (0 is the first) each period's mean stays near the final one; None if it does not."""
+        """First period (0 is the first) from which the means stay near the final speed; None if they do not."""
         return settled(self.means, SETTLED)
 
 
 def swim(parameters: Parameters | None, amplitude: float, chains: int) -> Swim:
-    """Simulate one amplitude [degrees] with so many chains a fin."""
+    """Simulate one amplitude [degrees] with a number of chains per fin."""
     both = gait(amplitude, FREQUENCY, PHASE)
-    swum = record(robot(parameters, fin={'chains': chains}), both, both, PERIODS)
-    speed, up = swum.twist[:, 0], swum.twist[:, 2]
-    return Swim(amplitude, chains, swum.time, speed, swum.samples, np.degrees(np.arctan2(-up, speed)))
+    states = record(robot(parameters, fin={'chains': chains}), both, both, PERIODS)
+    speed, up = states.twist[:, 0], states.twist[:, 2]
+    return Swim(amplitude, chains, states.time, speed, states.samples, np.degrees(np.arctan2(-up, speed)))
 
 
 @dataclasses.dataclass(frozen=True)
 class Figure9:
-    """Straight swims with the paper's number of chains, and with fewer, whose surface stays smooth."""
+    """Straight swims with the paper's number of chains, and with few chains, which stay stable along the chord."""
 
     height = 3.6
 
     swims: tuple[Swim, ...]
+    """Swims with the paper's number of chains per fin."""
     smooth: tuple[Swim, ...]
+    """Swims with FEW_CHAINS chains per fin."""
 
     @classmethod
     def measure(
         cls, parameters: Parameters | None = None, amplitudes: tuple[float, ...] = AMPLITUDES,
         done: Callable[[], object] = lambda: None,
     ) -> Figure9:
-        """Simulate every amplitude [degrees]; `done` is called after each."""
+        """Simulate every amplitude [degrees]; `done` is called after each amplitude."""
         chains = robot(parameters).fin.chains
         swims: dict[int, list[Swim]] = {chains: [], FEW_CHAINS: []}
         for amplitude in amplitudes:
@@ -112,24 +115,24 @@ class Figure9:
         return cls(tuple(swims[chains]), tuple(swims[FEW_CHAINS]))
 
     def columns(self) -> dict[str, np.ndarray]:
-        """Return what the figure shows as columns of equal length."""
+        """Return the data of the figure as columns of equal length."""
         columns = {'time [s]': self.swims[0].time}
         for one in (*self.swims, *self.smooth):
             columns[f'forward speed, A = {one.amplitude:g} deg, {one.chains} chains [m/s]'] = one.speed
         return columns
 
     def draw(self, figure: Figure) -> None:
-        """Draw speed against time, with mean and ripple of each amplitude in the legend."""
+        """Draw the speed against time, with the mean and the oscillation of each amplitude in the legend."""
         axes = figure.subplots()
         axes.axvspan(*WINDOW, color='0.93', zorder=0)
         for full, smooth in zip(self.swims, self.smooth, strict=True):
-            color = axes.plot(full.time, full.speed, label=(
-                f'A = {full.amplitude:.0f}°: mean {full.mean:.3f} m/s, ripple {full.ripple:.3f} m/s'))[0].get_color()
+            label = f'A = {full.amplitude:.0f}°: mean {full.mean:.3f}, oscillation {full.oscillation:.3f} m/s'
+            color = axes.plot(full.time, full.speed, label=label)[0].get_color()
             axes.plot(smooth.time, smooth.speed, ':', color=color, linewidth=1.2)
-        axes.plot([], [], 'k-', label=f'{self.swims[0].chains} chains a fin, as the paper')
-        axes.plot([], [], 'k:', label=f'{self.smooth[0].chains} chains, whose surface stays smooth')
+        axes.plot([], [], 'k-', label=f'{self.swims[0].chains} chains per fin, as in the paper')
+        axes.plot([], [], 'k:', label=f'{self.smooth[0].chains} chains per fin, stable along the chord')
         axes.set_xlim(0.0, SHOWN)
         axes.set_xlabel('time [s]')
         axes.set_ylabel('forward speed [m/s]')
-        axes.set_title(f'f = {FREQUENCY:g} Hz, φ = {PHASE:.0f}°; gray: the window of mean and ripple', fontsize=9)
+        axes.set_title(f'f = {FREQUENCY:g} Hz, φ = {PHASE:.0f}°; gray: window of mean and oscillation', fontsize=9)
         legend_below(figure, axes.get_legend_handles_labels()[0], columns=2)

@@ -1,4 +1,4 @@
-"""Files that are there whole or not at all."""
+"""Files that are written completely or not at all."""
 
 from __future__ import annotations
 
@@ -13,14 +13,15 @@ from pathlib import Path
 import numpy as np
 
 DIGITS = 7
+"""Significant digits of numbers in a CSV file."""
 
 
 @contextlib.contextmanager
 def whole(path: Path) -> Iterator[Path]:
-    """Give a place beside `path` to write to, which takes its name when nothing went wrong and goes away otherwise."""
+    """Give a path to write to, which is renamed to `path` after success and is removed after an error."""
     part = path.with_name(f'.part-{os.getpid()}-{path.name}')
     with part.open('ab') as held:
-        fcntl.flock(held, fcntl.LOCK_EX)  # for `clear_abandoned`: it lasts as long as this process
+        fcntl.flock(held, fcntl.LOCK_EX)  # for `clear_abandoned`: the lock lasts as long as this process
         try:
             yield part
             part.replace(path)
@@ -29,7 +30,7 @@ def whole(path: Path) -> Iterator[Path]:
 
 
 def clear_abandoned(directory: Path) -> None:
-    """Take away what processes that were killed had begun in a directory."""
+    """Remove the incomplete files that killed processes left in a directory."""
     for part in directory.glob('.part-*'):
         with contextlib.suppress(BlockingIOError, FileNotFoundError), part.open('r+b') as file:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -37,7 +38,7 @@ def clear_abandoned(directory: Path) -> None:
 
 
 def write_csv(columns: Mapping[str, np.ndarray], path: Path) -> None:
-    """Write columns of equal length, numbers or texts, below their names; NaN becomes an empty cell."""
+    """Write columns of numbers or texts, of equal length, below their names; NaN becomes an empty cell."""
     with path.open('w', newline='', encoding='utf-8') as file:
         writer = csv.writer(file)
         writer.writerow(columns)

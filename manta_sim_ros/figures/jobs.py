@@ -1,4 +1,4 @@
-"""Long computations, several at a time, with a progress bar."""
+"""Long computations that run at the same time in several processes, with a progress bar."""
 
 from __future__ import annotations
 
@@ -18,32 +18,32 @@ from tqdm import tqdm
 Done = Callable[[], object]
 """Called after each part of a job."""
 
-POLL = 0.1  # s between two looks at the progress
+POLL = 0.1  # [s], between two updates of the progress
 
 
 class Job(NamedTuple):
-    """One thing to do: `run(done)` in a process of its own; it and its result must be picklable."""
+    """A job that calls `run(done)` in a separate process; `run` and its result must be picklable."""
 
     name: str
-    """For the line that says that it is done; empty for none."""
+    """Name in the line that is printed when the job is done; no line is printed if it is empty."""
     parts: int
-    """How often `run` calls `done`."""
+    """Number of times that `run` calls `done`."""
     run: Callable[[Done], Any]
 
 
 def run_jobs(jobs: Sequence[Job], processes: int | None = None) -> list[Any]:
     """Run jobs, by default as many at a time as there are cores, and return their results in the order of `jobs`.
 
-    Prints a line for each that is done, and shows a progress bar on standard error if that is a terminal. When a job
-    fails or the process is interrupted, all others are ended at once, with every other child of this process; what they
-    had begun to write stays behind.
+    A line is printed for each finished job, and a progress bar is shown on standard error if that is a terminal. When a
+    job fails or the process is interrupted, all other jobs are ended at once, and so is every other child of this
+    process. Their incomplete files remain.
 
     Raises
     ------
     concurrent.futures.BrokenExecutor
         A process was killed.
     Exception
-        What the first job that failed raised.
+        The exception of the first job that failed.
 
     """
     context = multiprocessing.get_context('spawn')
@@ -76,11 +76,11 @@ def run_jobs(jobs: Sequence[Job], processes: int | None = None) -> list[Any]:
 
 
 def say(line: str) -> None:
-    """Print a line at once; if nobody listens any more, the work goes on without it."""
+    """Print a line at once; if the reader of the output is gone, continue without printing."""
     try:
         print(line, flush=True)
     except BrokenPipeError:
-        with open(os.devnull, 'w') as nowhere:  # or Python's own flush at the end would fail
+        with open(os.devnull, 'w') as nowhere:  # otherwise Python's flush at the end would fail
             os.dup2(nowhere.fileno(), sys.stdout.fileno())
 
 
@@ -95,11 +95,11 @@ def _taken(parts: Any) -> int:
 
 
 _parts: Any = None
-"""Where a process tells the first one of each part that is done."""
+"""Queue by which a worker process reports each finished part to the first process."""
 
 
 def _begin(parts: Any) -> None:
-    """Prepare a process that works: it ends by SIGTERM, or when the first process is gone, and by nothing else."""
+    """Prepare a worker process, which ends only after SIGTERM or when the first process is gone."""
     global _parts
     _parts = parts
     signal.signal(signal.SIGTERM, signal.SIG_DFL)

@@ -1,4 +1,4 @@
-"""Periods, means and lags of recorded curves, and where their transients end."""
+"""Periods, means and lags of recorded curves, and the ends of their transients."""
 
 from __future__ import annotations
 
@@ -10,26 +10,26 @@ from scipy.ndimage import uniform_filter1d
 from manta_sim_ros.figures.record import Record
 
 RECURRENCE = 1e-3
-"""A curve recurs when it differs from that of the period before by less than this part of its swing."""
+"""A curve recurs when it differs from that of the previous period by at most this share of its range."""
 
 MOST_PERIODS = 50
-"""Longer than this no transient of a held fin lasts."""
+"""Number of periods within which every transient of a held fin must end."""
 
 LAST_PART = 4
-"""The end of a run is the last quarter of its periods; it has settled when it did so before that."""
+"""The end of a run is the last quarter of its periods, and a run must settle before that."""
 
 
 def recurring(
     periods: Iterator[Record], curve: Callable[[Record], np.ndarray], tolerance: float = RECURRENCE,
 ) -> tuple[int, Record]:
-    """Take periods until `curve` recurs; return how many periods the transient lasted, and the first after it.
+    """Return the number of periods before `curve` recurs, and the first period after them.
 
-    `curve` gives (samples,) or (samples, k) of a period; each column must recur.
+    `curve` returns an array (samples,) or (samples, k) for a period; each of its columns must recur.
 
     Raises
     ------
     ValueError
-        It does not within MOST_PERIODS.
+        The curve does not recur within MOST_PERIODS.
 
     """
     before: Record | None = None
@@ -40,17 +40,17 @@ def recurring(
             if np.all(change <= tolerance * np.ptp(curve(now), axis=0)):
                 return index - 1, before
         before = now
-    raise ValueError(f'the motion is not periodic to {tolerance:g} of its swing within {MOST_PERIODS} periods')
+    raise ValueError(f'the motion is not periodic to {tolerance:g} of its range within {MOST_PERIODS} periods')
 
 
 def settled(means: np.ndarray, tolerance: float) -> int | None:
-    """Return from which period on means (periods,) stay within `tolerance` of their last quarter's mean.
+    """Return the period from which means (periods,) stay within `tolerance` of the mean of their last quarter.
 
-    None when they do not before that quarter begins. `tolerance` is a part of that mean.
+    The result is None if they do not stay before this quarter begins. `tolerance` is a share of that mean.
     """
     final = end_mean(means)
-    outside = np.flatnonzero(np.abs(means - final) > tolerance * abs(final))
-    begin = int(outside[-1]) + 1 if outside.size else 0
+    unsettled = np.flatnonzero(np.abs(means - final) > tolerance * abs(final))
+    begin = int(unsettled[-1]) + 1 if unsettled.size else 0
     return begin if begin <= len(means) - _end(means) else None
 
 
@@ -64,7 +64,7 @@ def _end(means: np.ndarray) -> int:
 
 
 def period_average(values: np.ndarray, samples: int) -> np.ndarray:
-    """Return the average of values (T, ...) over the period around each sample; NaN where that is not whole."""
+    """Return the average of values (T, ...) over the period around each sample; NaN where it is not complete."""
     average = uniform_filter1d(values, samples, axis=0)
     average[:samples // 2] = np.nan
     average[len(values) - (samples - samples // 2 - 1):] = np.nan

@@ -1,4 +1,4 @@
-"""Simulations as arrays: the states of a gait, a fixed number of samples a flapping period."""
+"""Simulations as arrays: the states of a gait, with a fixed number of samples per flapping period."""
 
 from __future__ import annotations
 
@@ -13,32 +13,33 @@ import numpy as np
 from manta_sim_ros.dynamics import FinCommand, Parameters, Simulator, State
 
 SAMPLES = 100
-"""Samples a flapping period."""
+"""Samples per flapping period."""
 
 
 @dataclasses.dataclass(frozen=True)
 class Record:
-    """States at even times; the first axis of every array is time, T samples. Frames and units are those of State.
+    """States at equal intervals; the first axis of every array is time, with T samples.
 
-    Sample i is at (i + 1) / `samples` periods after the beginning, so that every period has all of its samples.
+    Sample i is (i + 1) / `samples` periods after the beginning, so every period has all of its samples. Frames and
+    units are those of State.
     """
 
     parameters: Parameters
-    """The robot, with the time step that was used."""
+    """Parameters of the robot, with the time step that was used."""
     period: float
     """Flapping period [s]."""
     samples: int
-    """Samples a period."""
+    """Samples per period."""
     time: np.ndarray
-    """(T,) [s]."""
+    """(T,) time [s]."""
     position: np.ndarray
-    """(T, 3) world frame [m]."""
+    """(T, 3) in the world frame [m]."""
     orientation: np.ndarray
-    """(T, 4) x, y, z, w."""
+    """(T, 4) quaternions x, y, z, w."""
     twist: np.ndarray
-    """(T, 6) F_b [m/s, rad/s]."""
+    """(T, 6) in F_b [m/s, rad/s]."""
     fin_wrenches: np.ndarray
-    """(T, 2, 6) [fin], F_b, about the center of mass [N, N m]."""
+    """(T, 2, 6) [fin] in F_b, about the center of mass [N, N m]."""
     rod_angles: np.ndarray
     """(T, 2, 2) [fin, front or rear] [rad]."""
     joint_angles: np.ndarray
@@ -46,16 +47,16 @@ class Record:
 
     @property
     def wrench(self) -> np.ndarray:
-        """(T, 6) of both fins on the body, F_b, about the center of mass [N, N m]."""
+        """(T, 6) wrench of both fins on the body in F_b, about the center of mass [N, N m]."""
         return self.fin_wrenches[:, 0] + self.fin_wrenches[:, 1]
 
     @property
     def periods(self) -> int:
-        """Number of whole periods."""
+        """Number of complete periods."""
         return len(self.time) // self.samples
 
     def by_period(self, values: np.ndarray) -> np.ndarray:
-        """Return values (T, ...) at the samples as (periods, samples, ...)."""
+        """Return values (T, ...) of all samples as (periods, samples, ...)."""
         return values.reshape(self.periods, self.samples, *values.shape[1:])
 
 
@@ -63,7 +64,7 @@ ARRAYS = tuple(field.name for field in dataclasses.fields(Record) if field.type 
 
 
 def flap(parameters: Parameters, left: FinCommand, right: FinCommand, samples: int = SAMPLES) -> Iterator[Record]:
-    """Yield a Record of each flapping period from rest on, without end.
+    """Yield a Record of each flapping period from rest, without end.
 
     The time step is the largest that is no larger than `solver.time_step` and divides the time between two samples.
 
@@ -96,7 +97,7 @@ def record(
 
 
 def joined(records: Iterable[Record]) -> Record:
-    """Return records that follow each other as one."""
+    """Return consecutive records as one."""
     parts = list(records)
     arrays: dict[str, Any] = {name: np.concatenate([getattr(part, name) for part in parts]) for name in ARRAYS}
     return dataclasses.replace(parts[0], **arrays)

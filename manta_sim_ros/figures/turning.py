@@ -14,25 +14,26 @@ from manta_sim_ros.figures.periodic import end_mean, settled
 from manta_sim_ros.figures.record import Record, record
 
 PERIODS = 20
+"""Number of periods of a turn, as in the paper."""
 SETTLED = 0.05
-"""A turn is steady from when the yaw rate of each period is within this part of that at the end."""
+"""A turn is steady when the yaw rate of each further period is within this share of the final yaw rate."""
 
 
 @dataclasses.dataclass(frozen=True)
 class Turn:
-    """A turning gait from rest on."""
+    """A turning gait from rest."""
 
     name: str
     record: Record
 
     @property
     def chains(self) -> int:
-        """Chains a fin."""
+        """Number of chains per fin."""
         return self.record.parameters.fin.chains
 
     @property
     def headings(self) -> np.ndarray:
-        """(T,) direction of the body's x in plan view [rad], positive to the left, without jumps."""
+        """(T,) direction of the body's x axis in plan view [rad], positive to the left, without jumps."""
         return np.unwrap(Rotation.from_quat(self.record.orientation).as_euler('ZYX')[:, 0])
 
     @property
@@ -43,14 +44,18 @@ class Turn:
 
     @property
     def speeds(self) -> np.ndarray:
-        """(periods,) speed along the path, without the flapping [m/s]: of the mean velocity as the heading turns."""
+        """(periods,) speed along the path [m/s].
+
+        It is the magnitude of the mean velocity of a period, in a frame that turns with the heading, so it does not
+        include the flapping.
+        """
         velocity = Rotation.from_quat(self.record.orientation).apply(self.record.twist[:, :3])
         headed = Rotation.from_euler('Z', self.headings[:, None]).inv().apply(velocity)
         return np.asarray(np.linalg.norm(self.record.by_period(headed).mean(axis=1), axis=1))
 
     @property
     def steady_from(self) -> int | None:
-        """From which period on (0 is the first) the yaw rate is steady; None when it is not before the last quarter."""
+        """First period (0 is the first) of a steady yaw rate; None if it is not steady before the last quarter."""
         return settled(self.yaw_rates, SETTLED)
 
     @property
@@ -60,18 +65,18 @@ class Turn:
 
     @property
     def turning_radius(self) -> float:
-        """Mean speed over turning rate, both of the last quarter of the periods [m]."""
+        """Mean speed divided by turning rate, both of the last quarter of the periods [m]."""
         return float(end_mean(self.speeds) / np.radians(abs(self.turning_rate)))
 
     @property
     def mean_wrenches(self) -> np.ndarray:
-        """(periods, 6) mean wrench of each period, F_b [N, N m]."""
+        """(periods, 6) mean wrench of both fins in each period, in F_b [N, N m]."""
         return np.asarray(self.record.by_period(self.record.wrench).mean(axis=1))
 
 
 @dataclasses.dataclass(frozen=True)
 class Turning:
-    """Both sets with the paper's number of chains, then both with fewer."""
+    """Both sets with the paper's number of chains, and then both with few chains."""
 
     turns: tuple[Turn, ...]
 
@@ -80,7 +85,7 @@ class Turning:
         cls, parameters: Parameters | None = None, periods: int = PERIODS, chains: tuple[int, ...] | None = None,
         done: Callable[[], object] = lambda: None,
     ) -> Turning:
-        """Simulate both sets with each number of chains; `done` is called after each."""
+        """Simulate both sets with each number of chains; `done` is called after each turn."""
         turns = []
         default = (robot(parameters).fin.chains, FEW_CHAINS)
         for number in dict.fromkeys(default if chains is None else chains):

@@ -16,7 +16,7 @@ from evidence.scenarios import (
 from manta_sim_ros.dynamics import fin_dynamics
 
 ROUNDING = 1e-12  # relative; measured: below 2e-14 in all cases below
-REFERENCES = {'literal': equations.fin_dynamics, 'pinocchio': pinocchio_tree.fin_dynamics}
+REFERENCES = {'expected': equations.fin_dynamics, 'pinocchio': pinocchio_tree.fin_dynamics}
 of_each_reference = pytest.mark.parametrize('dynamics', REFERENCES.values(), ids=REFERENCES)
 of_each = pytest.mark.parametrize('dynamics', [*REFERENCES.values(), fin_dynamics], ids=[*REFERENCES, 'library'])
 

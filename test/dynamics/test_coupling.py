@@ -1,4 +1,4 @@
-"""Fins and body step by step: against the literal equations, in order of convergence, and against mechanics."""
+"""Fins and body step by step: against the reference implementation, in order of convergence, and against mechanics."""
 
 import dataclasses
 
@@ -27,7 +27,7 @@ from manta_sim_ros.dynamics import Simulator, State
     (2, 1, {'rods': {'command_time_constant': 0.05}}),
     (2, 2, OTHER_BODY),
 ])
-def test_steps_agree_with_the_literal_coupling(chains, links, groups):
+def test_steps_agree_with_the_reference_implementation(chains, links, groups):
     parameters = sized(chains, links, **{'water': {'current': (0.3, -0.2, 0.1)}, **groups})
     start = any_state(parameters)
     if parameters.solver.fixed_base:
@@ -37,17 +37,17 @@ def test_steps_agree_with_the_literal_coupling(chains, links, groups):
     smoothed = parameters.rods.command_time_constant > 0.0
     rods = (smoothed_rods if smoothed else settled_rods)(parameters, start)
     names = [field.name for field in dataclasses.fields(equations.ReferenceState)]
-    literal = equations.ReferenceState(**{name: getattr(start, name) for name in names})
+    expected = equations.ReferenceState(**{name: getattr(start, name) for name in names})
     for _ in range(25):
-        literal = equations.step(parameters, literal, rods)
+        expected = equations.step(parameters, expected, rods)
         state = simulator.advance(parameters.solver.time_step)
         for name in names:
-            if np.any(getattr(literal, name)):
-                assert_close(getattr(state, name), getattr(literal, name), 1e-10)  # measured: below 1e-13
+            if np.any(getattr(expected, name)):
+                assert_close(getattr(state, name), getattr(expected, name), 1e-10)  # measured: below 1e-13
             else:
                 np.testing.assert_array_equal(getattr(state, name), 0.0)
         for side in range(2):
-            np.testing.assert_allclose(state.rod_angles[side], rods(side, literal.time)[:, 0], rtol=0.0, atol=1e-11)
+            np.testing.assert_allclose(state.rod_angles[side], rods(side, expected.time)[:, 0], rtol=0.0, atol=1e-11)
 
 
 def joints_after(parameters, start, duration):

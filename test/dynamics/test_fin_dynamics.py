@@ -13,7 +13,7 @@ from manta_sim_ros.dynamics._kernels.fin import sine_cosine
 
 @pytest.mark.parametrize('side', [0, 1])
 @pytest.mark.parametrize(('chains', 'links'), SIZES)
-def test_fin_dynamics_agree_with_the_literal_equations(chains, links, side):
+def test_fin_dynamics_agree_with_the_reference_implementation(chains, links, side):
     for seed, parameters in enumerate([sized(chains, links), other_parameters(chains, links, seed=chains)]):
         moment = any_moment(parameters, seed=100 * chains + 10 * links + seed)
         assert_same_dynamics(
@@ -48,14 +48,14 @@ def test_joint_angles_beyond_pi_are_the_angles_within_it():
 
 
 @pytest.mark.parametrize('scale', [1e-3, 1e-9, 1e-15])
-def test_nearly_flat_fins_agree_with_the_literal_equations(scale):
+def test_nearly_flat_fins_agree_with_the_reference_implementation(scale):
     parameters = sized(5, 3, water={'density': 0.0})
     _, angles, *_ = any_moment(parameters, seed=4)
     moment = np.zeros((2, 3)), scale * angles, np.zeros((5, 3)), np.zeros(6), np.zeros(6)
     assert_same_dynamics(fin_dynamics(parameters, 0, *moment), equations.fin_dynamics(parameters, 0, *moment))
 
 
-def test_joints_bent_nearly_to_pi_agree_with_the_literal_equations():
+def test_joints_bent_nearly_to_pi_agree_with_the_reference_implementation():
     parameters = sized(4, 2, fin={'youngs_modulus': 1e4})
     rods, angles, *motion = any_moment(parameters, seed=3)
     angles = np.sign(angles) * (math.pi - 0.01 - 0.1 * np.abs(angles))
@@ -89,13 +89,13 @@ def test_any_layout_of_the_arrays_gives_the_same_and_none_is_written_to():
 ARGUMENTS = ('rod_motion', 'joint_angles', 'joint_rates', 'body_twist', 'body_acceleration')
 
 
-@pytest.mark.parametrize('bad', [np.nan, np.inf])
+@pytest.mark.parametrize('invalid', [np.nan, np.inf])
 @pytest.mark.parametrize('name', ARGUMENTS)
-def test_values_that_are_not_finite_are_refused_by_name(name, bad):
+def test_values_that_are_not_finite_are_refused_by_name(name, invalid):
     parameters = sized(4, 2)
     moment = dict(zip(ARGUMENTS, any_moment(parameters, seed=6)))
-    moment[name].flat[-1] = bad
-    with pytest.raises(ValueError, match=f'{name} must be finite, but has {bad}'):
+    moment[name].flat[-1] = invalid
+    with pytest.raises(ValueError, match=f'{name} must be finite, but has {invalid}'):
         fin_dynamics(parameters, 0, **moment)
 
 

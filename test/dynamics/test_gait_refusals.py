@@ -89,11 +89,11 @@ def test_an_amplitude_that_the_front_rod_cannot_match_is_refused():
         check_gait(rods, 1, FinCommand(amplitude=highest + 1e-6, frequency=0.5, phase=0.0))
 
 
-@pytest.mark.parametrize(('left', 'right', 'bad'), [
+@pytest.mark.parametrize(('left', 'right', 'invalid'), [
     (IMPOSSIBLE, OTHER, 'left'), (OTHER, IMPOSSIBLE, 'right'), (IMPOSSIBLE, IMPOSSIBLE, 'left'),
 ])
 @pytest.mark.parametrize('time_constant', [0.0, 0.2])
-def test_a_refused_command_leaves_both_gaits_running(left, right, bad, time_constant):
+def test_a_refused_command_leaves_both_gaits_running(left, right, invalid, time_constant):
     simulator, undisturbed = (small_simulator(command_time_constant=time_constant) for _ in range(2))
     for one in (simulator, undisturbed):
         one.command(left=SWIM, right=TURN)
@@ -101,23 +101,23 @@ def test_a_refused_command_leaves_both_gaits_running(left, right, bad, time_cons
     with pytest.raises(ValueError) as refusal:
         simulator.command(left=left, right=right)
     message = str(refusal.value)
-    assert message.startswith(f'{bad} amplitude 1.5 rad with phase 3 rad and biases 0, 0 rad')
+    assert message.startswith(f'{invalid} amplitude 1.5 rad with phase 3 rad and biases 0, 0 rad')
     assert f'{closure_angle(simulator.parameters.rods):.4g} rad' in message
     assert_same_bits(simulator.state, undisturbed.state)
     assert_same_bits(simulator.advance(0.5), undisturbed.advance(0.5))
 
 
 @pytest.mark.parametrize('name', ['amplitude', 'frequency', 'phase', 'front_bias', 'rear_bias'])
-@pytest.mark.parametrize('bad', [math.nan, math.inf, -math.inf, 1e3, -1e3, 'fast', None, True, [0.1]])
-def test_a_command_with_a_bad_value_is_refused_by_name(name, bad):
+@pytest.mark.parametrize('invalid', [math.nan, math.inf, -math.inf, 1e3, -1e3, 'fast', None, True, [0.1]])
+def test_a_command_with_a_bad_value_is_refused_by_name(name, invalid):
     with pytest.raises(ValueError, match=f'^{name} is .* must be a number|^{name} is .* must be from'):
-        FinCommand(**{'amplitude': 0.5, 'frequency': 0.6, 'phase': 0.7, name: bad})
+        FinCommand(**{'amplitude': 0.5, 'frequency': 0.6, 'phase': 0.7, name: invalid})
 
 
-@pytest.mark.parametrize('bad', [None, (0.5, 0.6, 0.7), {'amplitude': 0.5}])
-def test_a_command_of_another_type_is_refused_with_its_side(bad):
+@pytest.mark.parametrize('invalid', [None, (0.5, 0.6, 0.7), {'amplitude': 0.5}])
+def test_a_command_of_another_type_is_refused_with_its_side(invalid):
     with pytest.raises(ValueError, match='the right command is .* must be a FinCommand'):
-        small_simulator().command(left=SWIM, right=bad)
+        small_simulator().command(left=SWIM, right=invalid)
 
 
 def test_a_gait_that_cannot_be_reached_from_the_present_one_is_refused():

@@ -1,4 +1,4 @@
-"""The load of the water on the fins: against the literal equations, by hand, and against the wrench that it makes."""
+"""The load of the water on the fins: against the reference implementation, by hand, and against its wrench."""
 
 import dataclasses
 import math
@@ -32,7 +32,7 @@ def any_state(parameters, seed):
         state, rod_angles=[rods_of(parameters, state, side)[:, 0] for side in (LEFT, RIGHT)])
 
 
-def literal_loads(parameters, state, side, water):
+def reference_loads(parameters, state, side, water):
     """Return the loads (n, m) [Pa] of one fin, link by link from root to tip; `water` is its velocity in the world."""
     mirror = MIRROR if side == RIGHT else np.ones(6)
     rotation, _, eta_0, _ = support_motion(
@@ -78,7 +78,7 @@ def forces_of(parameters, side, rods, joint_angles, loads):
 
 @pytest.mark.parametrize('current', [None, CURRENT])
 @pytest.mark.parametrize(('chains', 'links'), SIZES)
-def test_loads_are_the_drag_of_the_literal_equations_in_any_state(chains, links, current):
+def test_loads_are_the_drag_of_the_reference_implementation_in_any_state(chains, links, current):
     parameters = sized(
         chains, links, water={'density': 700.0, 'current': (-0.1, 0.4, 0.2)},
         rods={'front_radius': 0.26, 'support_length': 0.5, 'rear_motor_position': (-0.2, 0.25, 0.05)},
@@ -89,7 +89,7 @@ def test_loads_are_the_drag_of_the_literal_equations_in_any_state(chains, links,
         loads = fin_loads(parameters, state, current)
         assert loads.shape == (2, chains, links)
         for side in (LEFT, RIGHT):
-            assert_close(loads[side], literal_loads(parameters, state, side, water), AGREEMENT)
+            assert_close(loads[side], reference_loads(parameters, state, side, water), AGREEMENT)
 
 
 def test_loads_follow_the_rods_of_a_simulation():
@@ -100,7 +100,7 @@ def test_loads_follow_the_rods_of_a_simulation():
         rates = (after.rod_angles[side] - before.rod_angles[side]) / 0.004
         np.testing.assert_allclose(rods_of(sized(5, 2), state, side)[:, 1], rates, rtol=0.0, atol=1e-3)
         assert_close(fin_loads(sized(5, 2), state)[side],
-                     literal_loads(sized(5, 2), state, side, np.zeros(3)), AGREEMENT)
+                     reference_loads(sized(5, 2), state, side, np.zeros(3)), AGREEMENT)
 
 
 def test_loads_of_mirrored_states_are_each_other_to_the_last_bit():
@@ -191,7 +191,7 @@ print(len(compiled.buffer))
     (0.3, r'current has shape \(\), but must have \(3,\)'),
     ((0.0, 0.0, math.nan), 'current must be finite, but has nan'),
 ])
-def test_a_bad_current_is_refused(current, words):
+def test_an_invalid_current_is_refused(current, words):
     parameters = sized(3, 2)
     with pytest.raises(ValueError, match=words):
         fin_loads(parameters, State.at_rest(parameters), current)

@@ -1,4 +1,4 @@
-"""Body and fins solved together: against literal references, in order of convergence, and against mechanics."""
+"""Body and fins solved together: against reference implementations, in order of convergence, and against mechanics."""
 
 import dataclasses
 
@@ -17,27 +17,27 @@ from evidence.scenarios import (
     any_state,
     assert_close,
     assert_same_bits,
+    in_transition,
     mirrored,
     rods_of,
     settled_rods,
     sized,
     smoothed_rods,
-    swum,
 )
 from manta_sim_ros.dynamics import DivergenceError, Simulator, State, fin_dynamics
 
 AT_ONCE = {'command_time_constant': 0.0}
 ADDED_MASS = {'added_mass_coefficient': 0.8, 'added_mass_density': 1100.0}
 CURRENT = (0.3, -0.2, 0.1)  # [m/s]
-LITERAL_FIELDS = tuple(field.name for field in dataclasses.fields(equations.ReferenceState))
+REFERENCE_FIELDS = tuple(field.name for field in dataclasses.fields(equations.ReferenceState))
 
 
 def monolithic(chains, links, **groups):
     return sized(chains, links, **{**groups, 'solver': {'coupling': 'monolithic', **groups.get('solver', {})}})
 
 
-def literal_state(state):
-    return equations.ReferenceState(**{name: getattr(state, name) for name in LITERAL_FIELDS})
+def reference_state(state):
+    return equations.ReferenceState(**{name: getattr(state, name) for name in REFERENCE_FIELDS})
 
 
 def integrated(state):
@@ -76,24 +76,24 @@ def fin_dynamics_in_current(
     (pinocchio_tree, 2, 1, 25, {'water': {'current': CURRENT}}),
     (pinocchio_tree, 2, 2, 25, {**OTHER_BODY, 'water': {**OTHER_BODY['water'], **ADDED_MASS}}),
 ])
-def test_steps_agree_with_the_literal_runge_kutta(reference, chains, links, steps, groups):
+def test_steps_agree_with_the_reference_implementation(reference, chains, links, steps, groups):
     parameters = monolithic(chains, links, **groups)
     start = start_of(parameters)
     start = dataclasses.replace(start, twist=start.twist * [1.0, 1.0, 1.0, 8.0, 8.0, 8.0])  # quick turns within a step
     simulator = commanded(parameters, start)
     smoothed = parameters.rods.command_time_constant > 0.0
     rods = (smoothed_rods if smoothed else settled_rods)(parameters, start)
-    literal = literal_state(start)
+    expected = reference_state(start)
     for _ in range(steps):
-        literal = reference_monolithic.step(parameters, literal, rods, reference.fin_dynamics)
+        expected = reference_monolithic.step(parameters, expected, rods, reference.fin_dynamics)
         state = simulator.advance(parameters.solver.time_step)
-        for name in LITERAL_FIELDS:
-            if np.any(getattr(literal, name)):
-                assert_close(getattr(state, name), getattr(literal, name), 5e-12)  # measured: below 4e-13
+        for name in REFERENCE_FIELDS:
+            if np.any(getattr(expected, name)):
+                assert_close(getattr(state, name), getattr(expected, name), 5e-12)  # measured: below 4e-13
             else:
                 np.testing.assert_array_equal(getattr(state, name), 0.0)
         for side in range(2):
-            np.testing.assert_allclose(state.rod_angles[side], rods(side, literal.time)[:, 0], rtol=0.0, atol=1e-11)
+            np.testing.assert_allclose(state.rod_angles[side], rods(side, expected.time)[:, 0], rtol=0.0, atol=1e-11)
 
 
 @pytest.mark.parametrize('water', [{}, ADDED_MASS], ids=['without added mass', 'with added mass'])
@@ -102,9 +102,9 @@ def test_the_trajectory_is_that_of_an_integrator_of_eighth_order(water):
     parameters = monolithic(2, 1, rods=AT_ONCE, water={'current': CURRENT, **water}, solver={'time_step': 5e-5})
     start = any_state(parameters)
     exact = reference_monolithic.trajectory(
-        parameters, literal_state(start), settled_rods(parameters, start), 0.3, fin_dynamics_in_current)
+        parameters, reference_state(start), settled_rods(parameters, start), 0.3, fin_dynamics_in_current)
     state = commanded(parameters, start).advance(0.3)
-    for name in LITERAL_FIELDS:
+    for name in REFERENCE_FIELDS:
         assert_close(getattr(state, name), getattr(exact, name), 2e-11)  # measured: below 5e-12
     assert np.abs(state.joint_angles - start.joint_angles).max() > 0.1
 
@@ -285,7 +285,7 @@ def test_exchanged_commands_make_the_mirrored_motion_to_the_last_bit(added_mass)
 @pytest.mark.parametrize('groups', [{}, {'solver': {'coupling': 'monolithic', 'fixed_base': True}}])
 def test_steps_at_once_one_by_one_and_after_a_restart_have_the_same_bits(groups):
     parameters = monolithic(17, 3, water={'current': (0.1, 0.2, 0.3), **ADDED_MASS}).replace(**groups)
-    at_once, one_by_one = swum(parameters), swum(parameters)
+    at_once, one_by_one = in_transition(parameters), in_transition(parameters)
     reference = at_once.advance(0.2)
     middle = None
     for step in range(100):

@@ -1,4 +1,4 @@
-"""Parameters come from a ROS 2 parameter file, and a bad file says what is wrong with it."""
+"""Parameters come from a ROS 2 parameter file, and an invalid file says what is wrong with it."""
 
 import re
 
@@ -77,8 +77,8 @@ def test_a_path_may_be_a_text(tmp_path):
     (below('body: {inertia: [1.0, 2.0]}'), 'body.inertia is .* list of 3 numbers'),
     (below('solver: {fixed_base: 1}'), 'solver.fixed_base is 1, but must be true or false'),
 ])
-def test_a_bad_file_is_refused_with_its_path_and_the_reason(tmp_path, text, reason):
-    path = tmp_path / 'bad.yaml'
+def test_an_invalid_file_is_refused_with_its_path_and_the_reason(tmp_path, text, reason):
+    path = tmp_path / 'invalid.yaml'
     path.write_text(text, encoding='utf-8')
     with pytest.raises(ValueError, match=f'(?s)^{re.escape(str(path))}: .*{reason}'):
         Parameters.from_yaml(path)

@@ -29,7 +29,7 @@ DEFAULTS = {  # Table 1 of the paper, and what the model supplies where the pape
     'solver': {'time_step': 0.002, 'fixed_base': False, 'coupling': 'sequential'},
 }
 GROUPS = Parameters.groups()
-QUANTITIES = [(*full_name.split('.'), known) for full_name, known in Parameters.quantities().items()]
+QUANTITIES = [(*full_name.split('.'), about) for full_name, about in Parameters.quantities().items()]
 NUMBERS = [case for case in QUANTITIES if case[2].kind in (int, float)]
 VECTORS = [case for case in QUANTITIES if case[2].kind is tuple]
 
@@ -38,12 +38,12 @@ def ids(cases):
     return [f'{group}.{name}' for group, name, _ in cases]
 
 
-def just_below(known):
-    return known.low - 1 if known.kind is int else math.nextafter(known.low, -math.inf)
+def just_below(about):
+    return about.low - 1 if about.kind is int else math.nextafter(about.low, -math.inf)
 
 
-def just_above(known):
-    return known.high + 1 if known.kind is int else math.nextafter(known.high, math.inf)
+def just_above(about):
+    return about.high + 1 if about.kind is int else math.nextafter(about.high, math.inf)
 
 
 def assert_refused(group, name, value, where='', why='must be'):
@@ -57,45 +57,45 @@ def test_names_and_defaults_are_those_of_the_model():
     assert dataclasses.asdict(Parameters()) == DEFAULTS
 
 
-@pytest.mark.parametrize(('group', 'name', 'known'), QUANTITIES, ids=ids(QUANTITIES))
-def test_every_parameter_is_described(group, name, known):
-    assert known.description and known.source and known.low <= known.high
-    assert known.kind is type(DEFAULTS[group][name])
+@pytest.mark.parametrize(('group', 'name', 'about'), QUANTITIES, ids=ids(QUANTITIES))
+def test_every_parameter_is_described(group, name, about):
+    assert about.description and about.source and about.low <= about.high
+    assert about.kind is type(DEFAULTS[group][name])
 
 
-@pytest.mark.parametrize(('group', 'name', 'known'), NUMBERS, ids=ids(NUMBERS))
-def test_a_bad_number_is_refused_by_name_with_its_bounds(group, name, known):
-    bounds = f'from {known.low:g} to {known.high:g} {known.unit}'.rstrip()
-    for bad in (just_below(known), just_above(known)):
-        assert_refused(group, name, bad, why=bounds)
-    for bad in (math.nan, math.inf, -math.inf, True, np.True_, '1', None, [1.0], 1j):
-        assert_refused(group, name, bad)
-    if known.kind is int:
+@pytest.mark.parametrize(('group', 'name', 'about'), NUMBERS, ids=ids(NUMBERS))
+def test_an_invalid_number_is_refused_by_name_with_its_bounds(group, name, about):
+    bounds = f'from {about.low:g} to {about.high:g} {about.unit}'.rstrip()
+    for invalid in (just_below(about), just_above(about)):
+        assert_refused(group, name, invalid, why=bounds)
+    for invalid in (math.nan, math.inf, -math.inf, True, np.True_, '1', None, [1.0], 1j):
+        assert_refused(group, name, invalid)
+    if about.kind is int:
         assert_refused(group, name, 3.0, why='must be a whole number')
 
 
-@pytest.mark.parametrize(('group', 'name', 'known'), VECTORS, ids=ids(VECTORS))
-def test_a_bad_vector_is_refused_by_name_with_its_bounds(group, name, known):
+@pytest.mark.parametrize(('group', 'name', 'about'), VECTORS, ids=ids(VECTORS))
+def test_an_invalid_vector_is_refused_by_name_with_its_bounds(group, name, about):
     good = list(DEFAULTS[group][name])
-    for bad in (1.0, None, '123', True, good[:2], good + [1.0], [], np.zeros((3, 3))[:2], {'x': 1.0}):
-        assert_refused(group, name, bad, why='must be a list of 3 numbers')
-    bounds = f'from {known.low:g} to {known.high:g} {known.unit}'.rstrip()
+    for invalid in (1.0, None, '123', True, good[:2], good + [1.0], [], np.zeros((3, 3))[:2], {'x': 1.0}):
+        assert_refused(group, name, invalid, why='must be a list of 3 numbers')
+    bounds = f'from {about.low:g} to {about.high:g} {about.unit}'.rstrip()
     for axis in range(3):
-        for bad in (just_below(known), just_above(known), math.nan, math.inf, True, '1', None, [1.0]):
-            assert_refused(group, name, good[:axis] + [bad] + good[axis + 1:], where=f'[{axis}]', why=bounds)
+        for invalid in (just_below(about), just_above(about), math.nan, math.inf, True, '1', None, [1.0]):
+            assert_refused(group, name, good[:axis] + [invalid] + good[axis + 1:], where=f'[{axis}]', why=bounds)
 
 
-@pytest.mark.parametrize('bad', [0, 1, 'false', None, np.True_])
-def test_a_switch_takes_true_and_false_only(bad):
-    assert_refused('solver', 'fixed_base', bad, why='true or false')
+@pytest.mark.parametrize('invalid', [0, 1, 'false', None, np.True_])
+def test_a_switch_takes_true_and_false_only(invalid):
+    assert_refused('solver', 'fixed_base', invalid, why='true or false')
 
 
-@pytest.mark.parametrize('bad', ['', 'Monolithic', 'both', 1, None, True])
-def test_the_coupling_is_one_of_two(bad):
+@pytest.mark.parametrize('invalid', ['', 'Monolithic', 'both', 1, None, True])
+def test_the_coupling_is_one_of_two(invalid):
     for good in ('sequential', 'monolithic'):
         assert GROUPS['solver'](coupling=good).coupling == good
-    is_text = isinstance(bad, str) and bad
-    assert_refused('solver', 'coupling', bad, why='sequential or monolithic' if is_text else 'text')
+    is_text = isinstance(invalid, str) and invalid
+    assert_refused('solver', 'coupling', invalid, why='sequential or monolithic' if is_text else 'text')
 
 
 def test_added_mass_is_refused_with_the_sequential_coupling_and_the_reason():
@@ -106,11 +106,11 @@ def test_added_mass_is_refused_with_the_sequential_coupling_and_the_reason():
     assert made.water.added_mass_coefficient == 0.5
 
 
-@pytest.mark.parametrize(('group', 'name', 'known'), NUMBERS, ids=ids(NUMBERS))
-def test_bounds_are_included(group, name, known):
-    for bound in (known.low, known.high):
+@pytest.mark.parametrize(('group', 'name', 'about'), NUMBERS, ids=ids(NUMBERS))
+def test_bounds_are_included(group, name, about):
+    for bound in (about.low, about.high):
         values = {name: bound}
-        if group == 'rods' and known.unit == 'm':  # the rods must fit each other
+        if group == 'rods' and about.unit == 'm':  # the rods must fit each other
             values = {'front_radius': bound, 'rear_radius': bound, 'support_length': bound}
         assert getattr(GROUPS[group](**values), name) == bound
 
@@ -187,6 +187,6 @@ def test_replace_refuses_what_is_unknown_and_names_what_is_known(groups, reason)
 
 @pytest.mark.parametrize('group', GROUPS)
 def test_a_group_of_another_class_is_refused(group):
-    for bad in (None, {}, Fin() if group != 'fin' else Water()):
+    for invalid in (None, {}, Fin() if group != 'fin' else Water()):
         with pytest.raises(ValueError, match=f'^{group} is .* must be a '):
-            Parameters(**{group: bad})
+            Parameters(**{group: invalid})

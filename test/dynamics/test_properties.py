@@ -40,20 +40,20 @@ def number(low, high):
 def group(name, moderate):
     """Return the groups of parameters of a name: each value within its bounds, or within 5 of its default."""
     kind, values = Parameters.groups()[name], {}
-    for field, known in kind.quantities().items():
+    for field, about in kind.quantities().items():
         default = getattr(kind(), field)
-        if known.kind is bool:
+        if about.kind is bool:
             values[field] = st.booleans()
-        elif known.kind is str:
-            values[field] = st.sampled_from(known.choices)
-        elif known.kind is int:
-            values[field] = st.integers(int(known.low), SMALL.get(field, int(known.high)))
+        elif about.kind is str:
+            values[field] = st.sampled_from(about.choices)
+        elif about.kind is int:
+            values[field] = st.integers(int(about.low), SMALL.get(field, int(about.high)))
         else:
-            low, high = known.low, min(known.high, EXTENT.get(f'{name}.{field}', math.inf)) if moderate else known.high
+            low, high = about.low, min(about.high, EXTENT.get(f'{name}.{field}', math.inf)) if moderate else about.high
             one = number(low, high)
-            if moderate and known.kind is float and default > 0.0:
+            if moderate and about.kind is float and default > 0.0:
                 one = st.floats(max(low, default / 5.0), min(high, default * 5.0))
-            values[field] = st.tuples(one, one, one) if known.kind is tuple else one
+            values[field] = st.tuples(one, one, one) if about.kind is tuple else one
     return values
 
 
@@ -184,8 +184,8 @@ def test_drag_and_damping_take_energy_from_every_chain(robot, side):
 def any_gait(draw, moderate):
     highest = {'amplitude': 0.9, 'phase': 0.5, 'front_bias': 0.1, 'rear_bias': 0.1} if moderate else {}
     return FinCommand(*(
-        draw(st.floats(max(known.low, -highest.get(name, known.high)), highest.get(name, known.high)))
-        for name, known in FinCommand.quantities().items()))
+        draw(st.floats(max(about.low, -highest.get(name, about.high)), highest.get(name, about.high)))
+        for name, about in FinCommand.quantities().items()))
 
 
 def try_any_input(data, outcomes):

@@ -6,7 +6,7 @@ import pickle
 import numpy as np
 import pytest
 
-from evidence.scenarios import STATE_FIELDS, SWIM, TURN, assert_same_bits, run_python, sized, swum
+from evidence.scenarios import STATE_FIELDS, SWIM, TURN, assert_same_bits, in_transition, run_python, sized
 from manta_sim_ros.dynamics import Simulator
 from manta_sim_ros.dynamics import simulator as simulator_module
 
@@ -31,13 +31,13 @@ print(digest.hexdigest())
 
 @pytest.mark.parametrize('groups', [{}, {'solver': {'fixed_base': True}}, {'rods': {'command_time_constant': 0.0}}])
 def test_one_second_twice_is_two_seconds_to_the_last_bit(groups):
-    one, other = swum(PARAMETERS.replace(**groups)), swum(PARAMETERS.replace(**groups))
+    one, other = in_transition(PARAMETERS.replace(**groups)), in_transition(PARAMETERS.replace(**groups))
     one.advance(1.0)
     assert_same_bits(one.advance(1.0), other.advance(2.0))
 
 
 def test_step_by_step_is_at_once_to_the_last_bit():
-    one, other = swum(PARAMETERS), swum(PARAMETERS)
+    one, other = in_transition(PARAMETERS), in_transition(PARAMETERS)
     for _ in range(200):
         one.advance(0.002)
     assert_same_bits(one.state, other.advance(0.4))
@@ -45,7 +45,7 @@ def test_step_by_step_is_at_once_to_the_last_bit():
 
 @pytest.mark.parametrize('way', ['new simulator', 'reset'])
 def test_save_restore_and_go_on_is_to_go_on_to_the_last_bit(way):
-    simulator = swum(PARAMETERS)
+    simulator = in_transition(PARAMETERS)
     saved = pickle.dumps(simulator.state)
     reference = simulator.advance(1.0)
     if way == 'reset':
@@ -59,8 +59,8 @@ def test_save_restore_and_go_on_is_to_go_on_to_the_last_bit(way):
 
 @pytest.mark.parametrize('copied', [lambda state: pickle.loads(pickle.dumps(state)), copy.deepcopy, copy.copy])
 def test_copies_of_a_state_are_as_read_only_and_checked_as_the_state(copied):
-    state = copied(swum(PARAMETERS).state)
-    assert_same_bits(state, swum(PARAMETERS).state)
+    state = copied(in_transition(PARAMETERS).state)
+    assert_same_bits(state, in_transition(PARAMETERS).state)
     for name in STATE_FIELDS:
         if isinstance(getattr(state, name), np.ndarray):
             with pytest.raises(ValueError, match='read-only'):
@@ -68,7 +68,7 @@ def test_copies_of_a_state_are_as_read_only_and_checked_as_the_state(copied):
 
 
 def test_reset_to_rest_forgets_everything():
-    simulator = swum(PARAMETERS)
+    simulator = in_transition(PARAMETERS)
     simulator.reset()
     simulator.command(left=TURN, right=SWIM)
     fresh = Simulator(PARAMETERS)
@@ -77,9 +77,9 @@ def test_reset_to_rest_forgets_everything():
 
 
 def test_two_simulators_do_not_touch_each_other():
-    alone = swum(PARAMETERS)
+    alone = in_transition(PARAMETERS)
     reference = alone.advance(0.5)
-    one, other = swum(PARAMETERS), Simulator(sized(4, 2))
+    one, other = in_transition(PARAMETERS), Simulator(sized(4, 2))
     for _ in range(50):
         one.advance(0.01)
         other.advance(0.002)
@@ -87,7 +87,7 @@ def test_two_simulators_do_not_touch_each_other():
 
 
 def test_an_earlier_state_is_not_changed_by_going_on():
-    simulator = swum(PARAMETERS)
+    simulator = in_transition(PARAMETERS)
     kept = simulator.state
     before = pickle.dumps(kept)
     simulator.advance(0.5)
@@ -95,7 +95,7 @@ def test_an_earlier_state_is_not_changed_by_going_on():
 
 
 def test_another_process_goes_on_from_a_saved_state_with_the_same_bits(tmp_path):
-    simulator = swum(PARAMETERS)
+    simulator = in_transition(PARAMETERS)
     saved = tmp_path / 'saved'
     saved.write_bytes(pickle.dumps((PARAMETERS, simulator.state, TURN, SWIM, 1.0)))
     first, second = (run_python(SWIM_ON, tmp_path, saved).stdout for _ in range(2))
@@ -110,6 +110,6 @@ def test_another_process_goes_on_from_a_saved_state_with_the_same_bits(tmp_path)
 
 
 def test_a_long_run_in_several_compiled_calls_has_the_bits_of_a_short_one(monkeypatch):
-    whole = swum(PARAMETERS).advance(1.0)
+    whole = in_transition(PARAMETERS).advance(1.0)
     monkeypatch.setattr(simulator_module, 'LINK_STEPS_AT_ONCE', 7 * whole.joint_angles.size)
-    assert_same_bits(swum(PARAMETERS).advance(1.0), whole)
+    assert_same_bits(in_transition(PARAMETERS).advance(1.0), whole)

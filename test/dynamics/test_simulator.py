@@ -91,11 +91,11 @@ def test_time_has_no_drift():
 
 def test_reset_goes_to_rest_or_to_the_given_state():
     simulator = swimming(sized(4, 2))
-    swum = simulator.state
+    before = simulator.state
     assert_same_bits(simulator.reset(), State.at_rest(sized(4, 2)))
     assert_same_bits(simulator.state, State.at_rest(sized(4, 2)))
-    assert_same_bits(simulator.reset(swum), swum)
-    assert_same_bits(simulator.state, swum)
+    assert_same_bits(simulator.reset(before), before)
+    assert_same_bits(simulator.state, before)
 
 
 @pytest.mark.parametrize(('change', 'reason'), [
@@ -110,12 +110,12 @@ def test_reset_goes_to_rest_or_to_the_given_state():
 def test_a_state_that_does_not_fit_is_refused_and_the_simulator_stays_where_it_was(change, reason):
     simulator = swimming(sized(4, 2))
     before = simulator.state
-    bad = dataclasses.replace(before, **change)
+    invalid = dataclasses.replace(before, **change)
     with pytest.raises(ValueError, match=reason):
-        simulator.reset(bad)
+        simulator.reset(invalid)
     assert simulator.state is before
     with pytest.raises(ValueError, match=reason):
-        Simulator(sized(4, 2), state=bad)
+        Simulator(sized(4, 2), state=invalid)
 
 
 @pytest.mark.parametrize('quantity', ['twist', 'acceleration'])

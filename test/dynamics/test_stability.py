@@ -85,7 +85,7 @@ def test_nothing_bounds_the_step_of_free_joints_without_damping_and_water():
 
 
 @pytest.mark.parametrize('links', [1, 3, 7])
-def test_the_inertia_of_a_straight_chain_is_that_of_the_literal_equations(links):
+def test_the_inertia_of_a_straight_chain_is_that_of_the_reference_implementation(links):
     parameters = sized(4, links)
     np.testing.assert_allclose(  # rounding
         straight_fins(parameters).inertia, equations.mass_matrix(parameters, np.zeros(links)), rtol=1e-12)
@@ -210,7 +210,7 @@ def test_a_gait_of_no_speed_is_rest(frequency):
 
 def test_a_step_below_the_parameters_bound_is_not_recommended():
     parameters = sized(4, 20).replace(fin={'youngs_modulus': 1e13, 'span': 0.01})
-    with pytest.warns(StabilityWarning, match=r'must be at least 1e-07 s: make the fins softer, or of fewer links'):
+    with pytest.warns(StabilityWarning, match=r'must be at least 1e-07 s: make the fins softer, or use fewer links'):
         Simulator(parameters).command(left=SWIM, right=SWIM)
 
 

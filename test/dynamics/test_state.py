@@ -61,12 +61,12 @@ def test_a_copy_is_the_same_to_the_last_bit(state, through):
     assert_same_bits(through(state), state)
 
 
-@pytest.mark.parametrize('bad', [np.nan, np.inf, -np.inf])
+@pytest.mark.parametrize('invalid', [np.nan, np.inf, -np.inf])
 @pytest.mark.parametrize('name', SHAPES)
-def test_values_that_are_not_finite_are_refused_by_name(state, name, bad):
+def test_values_that_are_not_finite_are_refused_by_name(state, name, invalid):
     values = getattr(state, name).copy()
-    values.flat[-1] = bad
-    with pytest.raises(ValueError, match=rf'^state\.{name} must be finite, but has {bad}'):
+    values.flat[-1] = invalid
+    with pytest.raises(ValueError, match=rf'^state\.{name} must be finite, but has {invalid}'):
         dataclasses.replace(state, **{name: values})
 
 
@@ -78,10 +78,10 @@ def test_arrays_of_a_wrong_shape_are_refused_by_name(state, name):
             dataclasses.replace(state, **{name: wrong})
 
 
-@pytest.mark.parametrize('bad', [np.nan, np.inf, '0', None])
-def test_a_time_that_is_no_finite_number_is_refused(state, bad):
+@pytest.mark.parametrize('invalid', [np.nan, np.inf, '0', None])
+def test_a_time_that_is_no_finite_number_is_refused(state, invalid):
     with pytest.raises(ValueError, match=r'^state\.time is'):
-        dataclasses.replace(state, time=bad)
+        dataclasses.replace(state, time=invalid)
 
 
 def test_an_orientation_that_is_no_unit_quaternion_is_refused(state):
@@ -100,10 +100,10 @@ def test_rest_is_at_the_origin_with_flat_fins():
     assert_same_bits(Simulator().state, rest)
 
 
-@pytest.mark.parametrize(('name', 'bad'), [
+@pytest.mark.parametrize(('name', 'invalid'), [
     ('start_time', None), ('start_time', 10**400), ('time', 10**400), ('step_count', 'x'), ('step_count', 2.5),
     ('step_count', -1), ('position', 'abc'), ('twist', [1.0, [2.0]]),
 ])
-def test_what_is_no_number_is_refused_by_name(state, name, bad):
+def test_what_is_no_number_is_refused_by_name(state, name, invalid):
     with pytest.raises(ValueError, match=f'^state.{name}'):
-        dataclasses.replace(state, **{name: bad})
+        dataclasses.replace(state, **{name: invalid})

@@ -1,4 +1,4 @@
-"""What the paper's 0.01 s cost: both programs swim the same, for the time that they say."""
+"""The cost of the paper's 0.01 s: both programs simulate the same motion, and their times are those of 0.01 s."""
 
 
 import numpy as np
@@ -10,22 +10,22 @@ from manta_sim_ros.dynamics import Simulator
 from manta_sim_ros.figures.gaits import STRAIGHT, robot
 
 
-def test_both_programs_swim_the_same():
+def test_both_programs_simulate_the_same_motion():
     parameters = robot(fin={'chains': 6})
     simulator = Simulator(parameters)
     simulator.command(left=STRAIGHT, right=STRAIGHT)
-    literal = equations.rest_state(parameters)
+    reference = equations.rest_state(parameters)
     for _ in range(5):
-        literal = equations.step(parameters, literal, lambda side, at: cost.rod_motion(parameters, at))
+        reference = equations.step(parameters, reference, lambda side, at: cost.rod_motion(parameters, at))
     library = simulator.advance(cost.SPAN)
-    np.testing.assert_allclose(library.joint_angles, literal.joint_angles, rtol=1e-10)
-    np.testing.assert_allclose(library.fin_wrenches, literal.fin_wrenches, rtol=1e-10, atol=1e-10)
+    np.testing.assert_allclose(library.joint_angles, reference.joint_angles, rtol=1e-10)
+    np.testing.assert_allclose(library.fin_wrenches, reference.fin_wrenches, rtol=1e-10, atol=1e-10)
 
 
 def test_both_are_timed_over_the_steps_of_a_hundredth_of_a_second():
     measured = cost.measure(quick=True)
     assert measured.steps == 5
-    assert measured.literal > 0.0 and measured.library > 0.0
+    assert measured.reference > 0.0 and measured.library > 0.0
 
 
 
@@ -41,5 +41,5 @@ def test_the_times_are_those_of_a_hundredth_of_a_second(monkeypatch, quick):
     monkeypatch.setattr(cost.equations, 'step', lambda parameters, state, motion: spent(0.5, state))
     monkeypatch.setattr(cost.Simulator, 'advance', lambda simulator, duration: spent(0.02 * duration, None))
     measured = cost.measure(quick=quick)
-    assert measured.literal == pytest.approx(5 * 0.5)  # five steps of 0.5 s each
+    assert measured.reference == pytest.approx(5 * 0.5)  # five steps of 0.5 s each
     assert measured.library == pytest.approx(0.02 * 0.01)

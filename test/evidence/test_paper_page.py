@@ -1,4 +1,4 @@
-"""docs/paper.md says what is measured now: verdicts, slips, values; and a verdict changes with its results."""
+"""docs/paper.md has the current verdicts, slips and values, and a verdict changes with its results."""
 
 import dataclasses
 import importlib
@@ -32,7 +32,7 @@ from manta_sim_ros.figures.figure_9 import Figure9
 from manta_sim_ros.figures.turning import Turning
 
 ROOT = Path(__file__).parents[2]
-COST = Cost(literal=2.5, library=1.4e-4, steps=5)  # s, as on a machine of 2026
+COST = Cost(reference=2.5, library=1.4e-4, steps=5)  # s, as on a machine of 2026
 PAGE = (ROOT / 'docs' / 'paper.md').read_text(encoding='utf-8')
 
 
@@ -52,8 +52,8 @@ def rows(text):
 
 
 def test_the_page_has_every_statement_with_the_verdict_of_now(results):
-    written = [(place, quote, verdict) for place, quote, verdict, _ in rows(section('What the paper says'))]
-    now = [(said.place, f'"{said.quote}"', f'**{said.verdict}**') for said in statements(results)]
+    written = [(place, quote, verdict) for place, quote, verdict, _ in rows(section('The statements of the paper'))]
+    now = [(one.place, f'"{one.quote}"', f'**{one.verdict}**') for one in statements(results)]
     assert written == now
     assert len(set(now)) == len(now)
 
@@ -61,7 +61,7 @@ def test_the_page_has_every_statement_with_the_verdict_of_now(results):
 NUMBER = re.compile(r'-?\d+(?:\.\d+)?')
 
 
-def assert_says_the_same(written, now):
+def assert_same_text(written, now):
     """Compare texts, and their numbers to one of the last digit: the last bit of a turn differs between machines."""
     assert NUMBER.sub('#', written) == NUMBER.sub('#', now)
     for one, other in zip(NUMBER.findall(written), NUMBER.findall(now)):
@@ -70,38 +70,39 @@ def assert_says_the_same(written, now):
 
 
 def test_the_answers_of_the_page_are_those_of_now(results):
-    written = {quote: answer for _, quote, _, answer in rows(section('What the paper says'))}
-    for said in statements(results):
-        if said.place != 'Section 4':  # the clock of the machine that wrote the page
-            assert_says_the_same(written[f'"{said.quote}"'], said.answer)
+    written = {quote: answer for _, quote, _, answer in rows(section('The statements of the paper'))}
+    for one in statements(results):
+        if one.place != 'Section 4':  # the clock of the machine that wrote the page
+            assert_same_text(written[f'"{one.quote}"'], one.answer)
 
 
 def test_the_prose_of_the_figures_is_that_of_now(results):
     figures = section('The figures').strip().split('\n\n')[1:]
     for written, now in zip(figures, page.figure_blocks(results), strict=True):
-        assert_says_the_same(' '.join(written.split()), ' '.join(now.split()))
+        assert_same_text(' '.join(written.split()), ' '.join(now.split()))
 
 
 def test_the_table_of_costs_has_time_step_and_ratios_of_each_program():
     assert rows(page.cost_table(COST)) == [
-        ["the paper's Python, on its own machine", '0.18 s', '0.18 s', '0.056', '1'],
-        ['the literal version in NumPy, 6 x 6 matrices as printed', '2.5 s', '0.5 s', '0.004', '0.072'],
+        ["the paper's Python program, on the authors' machine", '0.18 s', '0.18 s', '0.056', '1'],
+        ['the reference implementation in NumPy, with 6 x 6 matrices', '2.5 s', '0.5 s', '0.004', '0.072'],
         ['this library', '0.00014 s', '2.8e-05 s', '71', '1.3e+03'],
     ]
 
 
 def test_the_page_counts_the_verdicts_right():
     counted = re.search(
-        r'(\d+) statements: (\d+) holds, (\d+) holds in part, (\d+) does not hold, (\d+) cannot be judged',
-        ' '.join(section('What the paper says').split())).groups()
-    written = [verdict.strip('*') for _, _, verdict, _ in rows(section('What the paper says'))]
+        r'(\d+) statements\. The verdict is "holds" for (\d+), "holds in part" for (\d+), '
+        r'"does not hold" for (\d+), "cannot be judged" for (\d+)\.',
+        ' '.join(section('The statements of the paper').split())).groups()
+    written = [verdict.strip('*') for _, _, verdict, _ in rows(section('The statements of the paper'))]
     assert list(map(int, counted)) == [len(written), *map(written.count, (HOLDS, IN_PART, NOT, OPEN))]
 
 
 def verdict(results, words):
-    found = [said.verdict for said in statements(results) if words in said.quote]
-    assert len(found) == 1
-    return found[0]
+    verdicts = [one.verdict for one in statements(results) if words in one.quote]
+    assert len(verdicts) == 1
+    return verdicts[0]
 
 
 def replaced_turns(results, change):
@@ -128,7 +129,7 @@ def with_angles(results, change):
 
 
 def smoothed(swim):
-    """The speed without its ripple; half a period at each end keeps it."""
+    """Return the speed without its oscillation, which half a period at each end keeps."""
     return np.where(np.isfinite(swim.average), swim.average, swim.speed)
 
 
@@ -151,14 +152,14 @@ def with_speeds(results, change):
     (without_set_1, 'circular trajectories', IN_PART, NOT),
     (lambda results: with_speeds(results, smoothed), 'oscillations in forward', HOLDS, NOT),
     (lambda results: with_speeds(
-        results, lambda swim: smoothed(swim) + (swim.speed - smoothed(swim)) * 0.01**2 / swim.ripple**2),
+        results, lambda swim: smoothed(swim) + (swim.speed - smoothed(swim)) * 0.01**2 / swim.oscillation**2),
      'oscillation amplitude', HOLDS, NOT),
     (lambda results: with_speeds(results, lambda swim: 2.0 * swim.speed), '0.25–0.47 m/s', HOLDS, NOT),
     (lambda results: with_speeds(results, lambda swim: swim.speed * np.exp(0.05 * swim.time)), 'stabilizes',
      HOLDS, NOT),
     (lambda results: dataclasses.replace(results, cost=dataclasses.replace(results.cost, library=0.02)),
      'possibility of real-time', HOLDS, NOT),
-    (lambda results: dataclasses.replace(results, cost=dataclasses.replace(results.cost, literal=20.0)), '0.18 s',
+    (lambda results: dataclasses.replace(results, cost=dataclasses.replace(results.cost, reference=20.0)), '0.18 s',
      IN_PART, NOT),
 ])
 def test_a_verdict_follows_its_results(results, change, words, usual, then):
@@ -192,7 +193,7 @@ def test_a_moment_is_halved_in_the_first_period_below_half_of_the_first():
     assert halved(with_moments([-1.0, 0.9, -0.4])) == 2
 
 
-def test_numbers_are_listed_as_a_reader_says_them():
+def test_the_last_two_numbers_of_a_list_are_joined_by_and():
     assert listed([1.0]) == '1.0'
     assert listed([1.0, -2.25]) == '1.0 and -2.2'
     assert listed([1.0, 2.0, 3.4], 0) == '1, 2 and 3'
@@ -226,7 +227,7 @@ def test_the_slips_that_the_issue_of_the_paper_has_are_all_there():
 
 
 def test_the_tables_have_every_parameter_once_with_its_value():
-    printed, assumed = rows(section('Table 1, as used')), rows(section('What is assumed'))
+    printed, assumed = rows(section('Table 1, as used')), rows(section('Assumed values'))
     assert printed == rows(page.parameter_table(printed=True))
     assert assumed == rows(page.parameter_table(printed=False))
     names = [row[0].strip('`') for row in printed + assumed]
@@ -237,7 +238,7 @@ def test_the_tables_have_every_parameter_once_with_its_value():
 
 def test_the_page_has_the_sensitivity_to_every_assumed_value():
     for value in VALUES:
-        assert f'| `{value}` |' in section('What is assumed').split('![')[1]
+        assert f'| `{value}` |' in section('Assumed values').split('![')[1]
 
 
 def test_the_page_shows_every_picture_and_each_is_there_and_small():

@@ -1,4 +1,4 @@
-"""The peers are what they claim to be: hand-computed cases, and d'Alembert's principle on bare mass points."""
+"""The Pinocchio and MuJoCo trees are correct: cases computed by hand, and d'Alembert's principle for point masses."""
 
 import dataclasses
 

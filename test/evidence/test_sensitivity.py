@@ -59,7 +59,7 @@ def drawn(measured):
     return figure
 
 
-@pytest.mark.parametrize('word', ['assumed', 'unit supplied', 'as printed', 'chosen', 'that of fresh water'])
+@pytest.mark.parametrize('word', ['assumed', 'unit supplied', 'as printed', 'chosen', 'the density of fresh water'])
 def test_all_that_the_paper_does_not_settle_is_varied(word):
     unsettled = {name for name, source in SOURCES.items() if word in source} - {CHOSEN_BUT_NOT_IN_THE_PAPER}
     assert unsettled
@@ -187,7 +187,7 @@ def test_columns_have_a_row_for_each_variant_with_either_number_of_chains(measur
 def test_the_table_has_two_rows_for_each_value_with_its_effects(measured):
     head, rule, *rows = [line.split(' | ') for line in measured.table().splitlines()]
     assert {len(row) for row in (head, rule, *rows)} == {2 + len(RESULTS)}
-    assert sorted(row[0] for row in rows) == sorted(['| the result itself', *(f'| `{name}`' for name in VALUES)] * 2)
+    assert sorted(row[0] for row in rows) == sorted(['| default robot', *(f'| `{name}`' for name in VALUES)] * 2)
     assert [row[0] for row in rows[2::2]] == [f'| `{VALUES[index]}`' for index in measured.order]
     smaller, greater = effects(measured, 'fin.thickness')[:, THRUST]
     assert next(row for row in rows if row[0] == '| `fin.thickness`')[2] == f'{smaller:+.1f} / {greater:+.1f}'

@@ -98,7 +98,7 @@ def test_a_title_has_what_differs_of_left_and_right_twice():
     assert ANIMATIONS['turn_set_2'].title.endswith('A = 40° / 20°,  f = 0.8 Hz,  φ = 40°')
 
 
-def test_an_unknown_animation_is_refused_with_the_known_ones():
+def test_an_unknown_animation_is_refused_with_the_names_of_all():
     with pytest.raises(ValueError, match="'loop'.* straight, turn_set_1, turn_set_2"):
         animate('loop', io.BytesIO())
 

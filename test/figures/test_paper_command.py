@@ -46,10 +46,10 @@ def test_it_writes_just_the_figures_that_were_asked_for(drawn):
     assert process.returncode == 0, process.stderr
     assert sorted(path.name for path in directory.iterdir()) == sorted(
         f'{name}.{kind}' for name in SHOWN for kind in ('png', 'csv'))
-    assert re.search(r'^6 files in made/for it, \d+ s$', process.stdout.splitlines()[-1])
+    assert re.search(r'^6 files were written to made/for it in \d+ s$', process.stdout.splitlines()[-1])
 
 
-def test_it_says_what_is_done_and_shows_no_bar_where_there_is_no_terminal(drawn):
+def test_it_prints_what_is_done_and_shows_no_bar_where_there_is_no_terminal(drawn):
     lines = drawn[0].stdout.splitlines()
     assert sorted(line.partition(' (')[0] for line in lines[:-1]) == sorted(
         f'{name}.png, {name}.csv' for name in SHOWN)
@@ -78,9 +78,9 @@ def test_the_data_are_those_of_the_paper_gaits(drawn):
 
 
 @pytest.mark.parametrize(('arguments', 'line'), [
-    (['figure_12'], r"argument NAME: 'figure_12' is none of figure_7, figure_8, figure_9, figure_10, figure_11"),
-    (['--processes', '0'], r"--processes: '0' is no whole number from 1"),
-    (['--processes', 'two'], r"--processes: 'two' is no whole number from 1"),
+    (['figure_12'], r"argument NAME: 'figure_12' is not one of figure_7, figure_8, figure_9, figure_10, figure_11"),
+    (['--processes', '0'], r"--processes: '0' is not a whole number greater than 0"),
+    (['--processes', 'two'], r"--processes: 'two' is not a whole number greater than 0"),
     (['--fast'], r'unrecognized arguments: --fast'),
 ])
 def test_wrong_arguments_are_refused_with_a_line_that_names_them(arguments, line, tmp_path):
@@ -112,7 +112,7 @@ def test_an_interruption_ends_all_processes_and_leaves_nothing_half_done(ending,
     process.send_signal(ending)
     out, err = process.communicate(timeout=LIMIT)  # until no process that it started holds its output
     assert process.returncode == 130
-    assert err.splitlines()[-1] == 'paper_figures: interrupted; files that were finished stay'
+    assert err.splitlines()[-1] == 'paper_figures: interrupted; finished files are kept'
     assert 'Traceback' not in out + err
     assert not list(parts('*.gif'))
     assert not list(parts('.part-*')), 'half a file stayed'
@@ -127,7 +127,7 @@ def test_the_jobs_cover_every_name_once():
             'turn_set_2'} == set(NAMES)
 
 
-def test_each_job_says_of_how_many_parts_it_is(monkeypatch, tmp_path):
+def test_each_job_calls_done_once_for_each_of_its_parts(monkeypatch, tmp_path):
     fast = robot(fin={'chains': 2})
     for module in (figure_7, figure_8, figure_9, turning):
         monkeypatch.setattr(module, 'robot', lambda base=None, **groups: robot(fast if base is None else base, **{
@@ -212,7 +212,7 @@ def test_a_directory_that_cannot_be_written_to_is_refused(monkeypatch, tmp_path)
 
 
 def test_an_unknown_figure_is_no_job():
-    with pytest.raises(ValueError, match="'figure_6' is no figure or animation; there are figure_7"):
+    with pytest.raises(ValueError, match="'figure_6' is neither a figure nor an animation; the names are figure_7"):
         figure_jobs(None, ['figure_7', 'figure_6'])
 
 

@@ -79,11 +79,11 @@ def test_the_mean_thrust_is_that_of_any_later_period():
     np.testing.assert_allclose(thrust, long.by_period(long.wrench)[-1, :, 0].mean(), rtol=1e-5)  # measured: 4e-7
 
 
-def test_speed_and_ripple_grow_with_amplitude(straight):
+def test_speed_and_oscillation_grow_with_amplitude(straight):
     for swims in (straight.swims, straight.smooth):
         assert np.all(np.diff([swim.mean for swim in swims]) > 0.05)  # measured: 0.076 to 0.106 m/s
-        ripples = np.array([swim.ripple for swim in swims])
-        assert np.all(ripples[1:] > 1.4 * ripples[:-1])  # measured: 1.5 to 2.7 times
+        oscillations = np.array([swim.oscillation for swim in swims])
+        assert np.all(oscillations[1:] > 1.4 * oscillations[:-1])  # measured: 1.5 to 2.7 times
 
 
 def test_the_speed_rises_and_settles(straight):
@@ -93,18 +93,18 @@ def test_the_speed_rises_and_settles(straight):
         assert one.final == pytest.approx(one.speed[-500:].mean())
 
 
-def test_swims_are_those_of_the_chains_that_they_say(straight):
+def test_swims_have_the_numbers_of_chains_that_they_name(straight):
     assert {swim.chains for swim in straight.swims} == {CHAINS}
     assert {swim.chains for swim in straight.smooth} == {FEW_CHAINS}
     expected = record(robot(SMALL), gait(30.0, 0.6, 40.0), gait(30.0, 0.6, 40.0), 3).twist[:, 0]
     np.testing.assert_array_equal(straight.swims[1].speed[:300], expected)
 
 
-def test_a_ripple_is_peak_to_peak_about_the_average_and_within_the_window():
+def test_an_oscillation_is_peak_to_peak_about_the_average_and_within_the_window():
     time = np.arange(1, 1201) / 100.0  # a period is 1 s: what is before 3.5 s is in no average of the window
     speed = 0.1 * time + np.where(time < 3.4, 5.0, 0.03) * np.sin(2.0 * np.pi * time)
     wild = Swim(40.0, 8, time, speed, 100, np.zeros(1200))
-    assert wild.ripple == pytest.approx(0.06, rel=1e-3)
+    assert wild.oscillation == pytest.approx(0.06, rel=1e-3)
     np.testing.assert_allclose(wild.average[wild.window], 0.1 * time[wild.window], atol=1e-3)
 
 
@@ -158,7 +158,7 @@ def test_turning_rate_speed_and_radius_are_those_of_a_circle(turning, per_period
     assert turn.steady_from == 0
 
 
-def test_a_turn_is_steady_from_when_its_rate_stays_and_says_so_counting_from_one(turning):
+def test_a_turn_is_steady_when_its_rate_stays_and_its_description_counts_from_one(turning):
     record_ = turning.turns[1].record
     heading = np.concatenate([np.full(100, rate) for rate in (0.5, 0.8, 1.0, 1.0, 1.0, 1.0, 1.04, 0.96)]).cumsum() / 100
     turn = Turn('set 2', dataclasses.replace(
@@ -230,7 +230,7 @@ def lines_of(figure):
     return drawn
 
 
-def test_figure_7_draws_each_joint_and_says_its_lag(waves):
+def test_figure_7_draws_each_joint_and_labels_its_lag(waves):
     panels = lines_of(waves)
     for joint in range(3):
         for end, name in enumerate(('chain 1, leading edge', f'chain {CHAINS}, trailing edge')):

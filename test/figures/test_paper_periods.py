@@ -1,4 +1,4 @@
-"""Periods, transients, averages and lags, on curves whose answers are known; records against the simulator itself."""
+"""Periods, transients, averages and lags of curves with exact answers, and records against the simulator."""
 
 import itertools
 import types
@@ -30,13 +30,13 @@ def test_a_transient_lasts_as_long_as_it_changes_the_curve(halving):
     def change(period):  # of the transient's largest value, from this period to the next
         return 0.5 ** ((period + 0.01) / halving) * (1.0 - 0.5 ** (1.0 / halving))
 
-    assert change(transient) <= 2e-3 < change(transient - 1)  # 2 is the swing
+    assert change(transient) <= 2e-3 < change(transient - 1)  # 2 is the range
 
 
 def test_a_motion_that_does_not_repeat_is_refused():
     drifting = (types.SimpleNamespace(curve=np.linspace(0.0, 1.0, SAMPLES) * (1.0 + period))
                 for period in itertools.count())
-    with pytest.raises(ValueError, match=r'not periodic to 0\.001 of its swing within 50 periods'):
+    with pytest.raises(ValueError, match=r'not periodic to 0\.001 of its range within 50 periods'):
         recurring(drifting, lambda period: period.curve)
 
 
@@ -75,22 +75,22 @@ def test_a_lag_is_positive_when_the_second_comes_later(behind):
 
 @pytest.mark.parametrize('frequency', [0.51, 0.6, 0.8])
 def test_a_record_has_whole_periods_and_steps_no_longer_than_asked_for(frequency):
-    swum = record(SMALL, gait(30.0, frequency), gait(30.0, frequency), 2)
-    assert len(swum.time) == 2 * SAMPLES and swum.periods == 2
-    np.testing.assert_allclose(np.diff(swum.time, prepend=0.0), 1.0 / (frequency * SAMPLES), rtol=1e-9)
-    step = swum.parameters.solver.time_step
+    recorded = record(SMALL, gait(30.0, frequency), gait(30.0, frequency), 2)
+    assert len(recorded.time) == 2 * SAMPLES and recorded.periods == 2
+    np.testing.assert_allclose(np.diff(recorded.time, prepend=0.0), 1.0 / (frequency * SAMPLES), rtol=1e-9)
+    step = recorded.parameters.solver.time_step
     assert 0.5 * SMALL.solver.time_step < step <= SMALL.solver.time_step
-    assert swum.rod_angles[-1] == pytest.approx(swum.rod_angles[SAMPLES - 1], abs=1e-9)
+    assert recorded.rod_angles[-1] == pytest.approx(recorded.rod_angles[SAMPLES - 1], abs=1e-9)
 
 
 def test_a_record_is_what_the_simulator_does():
-    swum = record(SMALL, STRAIGHT, gait(20.0, 0.6), 1, samples=10)
-    simulator = Simulator(swum.parameters)
+    recorded = record(SMALL, STRAIGHT, gait(20.0, 0.6), 1, samples=10)
+    simulator = Simulator(recorded.parameters)
     simulator.command(left=STRAIGHT, right=gait(20.0, 0.6))
-    state = simulator.advance(swum.time[3])
+    state = simulator.advance(recorded.time[3])
     for name in ARRAYS:
-        np.testing.assert_array_equal(getattr(swum, name)[3], getattr(state, name))
-    np.testing.assert_array_equal(swum.wrench[3], state.wrench)
+        np.testing.assert_array_equal(getattr(recorded, name)[3], getattr(state, name))
+    np.testing.assert_array_equal(recorded.wrench[3], state.wrench)
 
 
 @pytest.mark.parametrize(('left', 'right', 'named'), [

@@ -113,9 +113,9 @@ def test_a_node_says_once_a_second_how_it_is(robot, probe):
 
 def test_a_node_says_what_became_of_the_commands(robot, probe):
     assert until_said(robot, probe, 'commands', 'no fin_command yet').level == OK
-    good, bad = Float64MultiArray(data=SWIM), Float64MultiArray(data=[0.7])
+    good, invalid = Float64MultiArray(data=SWIM), Float64MultiArray(data=[0.7])
     assert until_said(robot, probe, 'commands', 'command came', lambda: robot.commands.publish(good)).level == OK
-    refused = until_said(robot, probe, 'commands', 'refused just now', lambda: robot.commands.publish(bad))
+    refused = until_said(robot, probe, 'commands', 'refused just now', lambda: robot.commands.publish(invalid))
     assert refused.level == WARN and 'there are 1 values, but must be 6' in refused.message
     assert until_said(robot, probe, 'commands', 'no fin_command for').level == WARN
     assert until_said(robot, probe, 'commands', 'command came', lambda: robot.commands.publish(good)).level == OK

@@ -109,7 +109,7 @@ def test_a_signal_ends_it(launch, robot, ending):
     ('-p left_phase_degrees:=[.nan]', ['left', 'phase', 'nan', 'from']),
     ('-p publish_rate:=often', ['publish_rate', 'often']),
 ])
-def test_a_bad_parameter_ends_it_with_one_line(launch, arguments, words):
+def test_an_invalid_parameter_ends_it_with_one_line(launch, arguments, words):
     (line,) = launch('gait_node', arguments).refusal()
     for word in words:
         assert word in line

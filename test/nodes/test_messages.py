@@ -111,15 +111,15 @@ def test_another_number_of_values_is_refused(length):
         messages.fin_commands([0.1] * length)
 
 
-@pytest.mark.parametrize('bad', [math.nan, math.inf, -math.inf, 1e300])
+@pytest.mark.parametrize('invalid', [math.nan, math.inf, -math.inf, 1e300])
 @pytest.mark.parametrize('slot', range(10))
-def test_a_bad_value_is_refused_by_its_name_with_its_bound(slot, bad):
+def test_an_invalid_value_is_refused_by_its_name_with_its_bound(slot, invalid):
     side, field = SLOTS[slot]
     lengths = (6, 10) if slot < 6 else (10,)
     for length in lengths:
         values = TEN[:length]
-        values[slot] = bad
-        with pytest.raises(ValueError, match=rf'{side}.*{field}.*{str(bad).replace("+", ".")}.* from .* to '):
+        values[slot] = invalid
+        with pytest.raises(ValueError, match=rf'{side}.*{field}.*{str(invalid).replace("+", ".")}.* from .* to '):
             messages.fin_commands(values)
 
 
@@ -214,7 +214,7 @@ def test_a_current_is_read_and_so_are_its_bounds():
     (current(0.1, 0.0, 0.0, frame='manta'), "header.frame_id is 'manta', but must be 'world'"),
     (current(0.1, 0.0, 0.0, frame=''), "header.frame_id is '', but must be 'world'"),
 ])
-def test_a_bad_current_is_refused_by_name_with_its_bound(message, words):
+def test_an_invalid_current_is_refused_by_name_with_its_bound(message, words):
     with pytest.raises(ValueError, match=words):
         messages.current_of(message, 'world')
 
@@ -230,6 +230,6 @@ def test_a_wrench_is_read_with_its_frame(frame):
     (wrench(torque=(0.0, 0.0, math.nan)), r'wrench\.torque\.z is nan, but must be from -1e\+06 to 1e\+06 N m'),
     (wrench(frame='map'), "header.frame_id is 'map', but must be 'manta' or 'world'"),
 ])
-def test_a_bad_wrench_is_refused_by_name_with_its_bound(message, words):
+def test_an_invalid_wrench_is_refused_by_name_with_its_bound(message, words):
     with pytest.raises(ValueError, match=words):
         messages.wrench_of(message, 'manta', 'world')

@@ -67,7 +67,7 @@ def test_a_signal_ends_it(launch, ending):
     ('-p duration:=.nan', ['duration', 'nan', '0']),
     ('-p duration:=long', ['duration', 'long']),
 ])
-def test_a_bad_duration_ends_it_with_one_line(launch, arguments, words):
+def test_an_invalid_duration_ends_it_with_one_line(launch, arguments, words):
     (line,) = launch('monitor_node', arguments).refusal()
     for word in words:
         assert word in line

@@ -1,4 +1,4 @@
-"""The topics `current` and `body_wrench`: what they do is what the library does, what is bad is refused."""
+"""The topics `current` and `body_wrench`: what they do is what the library does, invalid messages are refused."""
 
 import dataclasses
 import math
@@ -170,7 +170,7 @@ REFUSED = {
 
 
 @pytest.mark.parametrize(('publisher', 'message', 'words'), REFUSED.values(), ids=REFUSED)
-def test_a_bad_disturbance_is_refused_and_the_previous_one_continues(robot, twin, publisher, message, words):
+def test_an_invalid_disturbance_is_refused_and_the_previous_one_continues(robot, twin, publisher, message, words):
     robot.flow(0.3, 0.0, 0.0)
     robot.push(0.0, 2.0, 0.0, 0.0, 0.0, 0.0)
     refused = {'currents': 'current refused, the previous current continues',

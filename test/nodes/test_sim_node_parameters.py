@@ -34,7 +34,7 @@ NAMES = {
 ALL = {f'{group}.{name}'.lstrip('.') for group, names in NAMES.items() for name in names.split()}
 OF_ANY_NODE = {'use_sim_time', 'start_type_description_service'}
 
-BAD_STARTS = {  # ROS arguments, and what the one line must say
+INVALID_STARTS = {  # ROS arguments, and what the one line must say
     'out of range': ('-p fin.span:=11.0', ['fin.span', '11.0', 'from 0.001 to 10']),
     'whole number out of range': ('-p fin.chains:=1', ['fin.chains', '1', 'from 2 to 2000']),
     'text for a number': ('-p fin.chains:=many', ['fin.chains', 'many', 'from 2 to 2000']),
@@ -61,24 +61,24 @@ BAD_STARTS = {  # ROS arguments, and what the one line must say
 
 @pytest.fixture(scope='module')
 def refusals(module_launch, tmp_path_factory):
-    """What each bad start printed: all of them side by side."""
+    """What each invalid start printed: all of them side by side."""
     broken = tmp_path_factory.mktemp('files') / 'broken.yaml'
     broken.write_text('/**:\n  ros__parameters:\n    water: {density: [1.0,\n')
 
-    def start(bad):
+    def start(invalid):
         try:
-            return module_launch('sim_node', f'-r __ns:=/bad {bad[0].format(broken=broken)}').refusal()
+            return module_launch('sim_node', f'-r __ns:=/invalid {invalid[0].format(broken=broken)}').refusal()
         except (AssertionError, TimeoutExpired) as error:
             return [f'did not end with an error: {error}']
 
     with ThreadPoolExecutor(2) as pool:
-        return dict(zip(BAD_STARTS, pool.map(start, BAD_STARTS.values())))
+        return dict(zip(INVALID_STARTS, pool.map(start, INVALID_STARTS.values())))
 
 
-@pytest.mark.parametrize('bad', BAD_STARTS)
-def test_a_bad_value_at_the_start_ends_it_with_one_line(refusals, bad):
-    (line,) = refusals[bad]
-    for word in BAD_STARTS[bad][1]:
+@pytest.mark.parametrize('invalid', INVALID_STARTS)
+def test_an_invalid_value_at_the_start_ends_it_with_one_line(refusals, invalid):
+    (line,) = refusals[invalid]
+    for word in INVALID_STARTS[invalid][1]:
         assert word in line
 
 
@@ -191,7 +191,8 @@ REFUSED = {  # a value that may not be set while it runs, and what the reason mu
 
 
 @pytest.mark.parametrize(('name', 'value', 'words'), REFUSED.values(), ids=REFUSED)
-def test_a_bad_value_is_refused_with_its_reason_and_changes_nothing(set_parameter, get_parameter, name, value, words):
+def test_an_invalid_value_is_refused_with_its_reason_and_changes_nothing(
+        set_parameter, get_parameter, name, value, words):
     before = get_parameter(name)
     result = set_parameter(name, value)
     assert not result.successful

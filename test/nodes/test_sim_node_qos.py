@@ -58,7 +58,7 @@ def test_a_subscriber_that_asks_for_more_is_warned_of(overridden, probe):
     ('fin_command.subscription.depth:=many', ['subscription fin_command', 'wrong type']),
     ('twist.publisher.depth:=-3', ['publisher twist', 'depth is -3, but must be at least 1']),
 ])
-def test_a_bad_override_ends_it_with_one_line_that_names_it(launch, override, words):
+def test_an_invalid_override_ends_it_with_one_line_that_names_it(launch, override, words):
     node = launch('sim_node', f'-p qos_overrides./{override}')
     (line,) = node.refusal()
     assert all(word in line for word in ['qos_overrides', *words])

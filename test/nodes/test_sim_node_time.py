@@ -225,7 +225,7 @@ REFUSED = {
 
 
 @pytest.mark.parametrize(('message', 'words'), REFUSED.values(), ids=REFUSED)
-def test_a_bad_pose_is_refused_and_the_robot_stays(held, message, words):
+def test_an_invalid_pose_is_refused_and_the_robot_stays(held, message, words):
     before = numbers(held.odometry[-1], held.wrench[-1])
     line = re.compile(
         rf'set_pose refused, the robot stays where it is \(\d+ refused so far\): {re.escape(words)}')

@@ -129,5 +129,6 @@ def test_every_dependency_of_setup_is_declared_in_package_xml_and_the_other_way_
     assert {of_python[name] for name in required} <= declared
     imported = {'rclpy', 'ament_index_python'} | {
         name for path in (ROOT / 'manta_sim_ros' / 'nodes').glob('*.py')
-        for name in re.findall(r'^\s*from (\w+_(?:msgs|srvs|interfaces))\b', path.read_text(encoding='utf-8'), flags=re.MULTILINE)}
+        for name in re.findall(
+            r'^\s*from (\w+_(?:msgs|srvs|interfaces))\b', path.read_text(encoding='utf-8'), flags=re.MULTILINE)}
     assert len(imported) > 5 and imported <= declared

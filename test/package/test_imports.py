@@ -12,8 +12,9 @@ ROOT = Path(__file__).parents[2]
 PACKAGE = ROOT / 'manta_sim_ros'
 LIBRARY = PACKAGE / 'dynamics'
 ALLOWED = {'numba', 'numpy', 'yaml'}
-OF_ROS = {'rclpy', 'rcl_interfaces', 'rosgraph_msgs', 'std_msgs', 'std_srvs', 'geometry_msgs', 'nav_msgs', 'sensor_msgs',
-          'diagnostic_msgs', 'visualization_msgs', 'tf2_msgs', 'builtin_interfaces', 'ament_index_python', 'rpyutils'}
+OF_ROS = {'rclpy', 'rcl_interfaces', 'rosgraph_msgs', 'std_msgs', 'std_srvs', 'geometry_msgs', 'nav_msgs',
+          'sensor_msgs', 'diagnostic_msgs', 'visualization_msgs', 'tf2_msgs', 'builtin_interfaces',
+          'ament_index_python', 'rpyutils'}
 SHARED = ['manta_sim_ros.dynamics', 'manta_sim_ros.sensors', 'manta_sim_ros.body_shape']
 
 IMPORT = """

@@ -1,4 +1,4 @@
-"""What acts from outside: the current and wrenches, against the literal coupling, exact laws and themselves."""
+"""Current and external wrenches: against the reference implementation, exact laws and themselves."""
 
 import dataclasses
 import math
@@ -35,21 +35,21 @@ def swimmer(parameters):
     return simulator
 
 
-def test_steps_with_a_current_and_wrenches_agree_with_the_literal_coupling():
+def test_steps_with_a_current_and_wrenches_agree_with_the_reference_implementation():
     parameters = sized(3, 2)
     start = any_state(parameters)
     simulator = Simulator(parameters, state=start)
     simulator.command(left=COMMANDS[0], right=COMMANDS[1])
     rods = smoothed_rods(parameters, start)
     names = [field.name for field in dataclasses.fields(equations.ReferenceState)]
-    literal = equations.ReferenceState(**{name: getattr(start, name) for name in names})
+    expected = equations.ReferenceState(**{name: getattr(start, name) for name in names})
     in_current = parameters.replace(water={'current': CURRENT})
     for _ in range(25):
-        literal = equations.step(in_current, literal, rods, np.array(BODY_WRENCH), np.array(WORLD_WRENCH))
+        expected = equations.step(in_current, expected, rods, np.array(BODY_WRENCH), np.array(WORLD_WRENCH))
         state = simulator.advance(
             parameters.solver.time_step, current=CURRENT, body_wrench=BODY_WRENCH, world_wrench=WORLD_WRENCH)
         for name in names:
-            assert_close(getattr(state, name), getattr(literal, name), 1e-10)  # measured: below 1e-13
+            assert_close(getattr(state, name), getattr(expected, name), 1e-10)  # measured: below 1e-13
 
 
 @pytest.mark.parametrize('coupling', [SEQUENTIAL, MONOLITHIC])
@@ -84,12 +84,12 @@ def test_a_wrench_in_the_body_frame_is_the_turned_one_in_the_world_frame(couplin
 
 
 def test_a_current_that_is_given_takes_the_place_of_that_of_the_parameters():
-    inside, outside = swimmer(sized(4, 2, water={'current': CURRENT})), swimmer(sized(4, 2))
-    assert_same_bits(inside.advance(0.5), outside.advance(0.5, current=CURRENT))
-    assert_same_bits(inside.advance(0.5, current=(0.0, 0.0, 0.0)), outside.advance(0.5))
+    of_parameters, of_call = swimmer(sized(4, 2, water={'current': CURRENT})), swimmer(sized(4, 2))
+    assert_same_bits(of_parameters.advance(0.5), of_call.advance(0.5, current=CURRENT))
+    assert_same_bits(of_parameters.advance(0.5, current=(0.0, 0.0, 0.0)), of_call.advance(0.5))
 
 
-def test_what_acts_from_outside_acts_for_its_duration_only():
+def test_a_current_and_external_wrenches_act_for_the_duration_of_their_call_only():
     simulator, other = swimmer(sized(4, 2)), swimmer(sized(4, 2))
     simulator.advance(0.1, body_wrench=BODY_WRENCH, current=CURRENT)
     other.reset(simulator.state)

@@ -1,4 +1,4 @@
-"""The literal model keeps what mechanics promises: checked by geometry, energy and momentum alone."""
+"""The reference equations obey the laws of mechanics, verified by geometry, energy and momentum alone."""
 
 import dataclasses
 
