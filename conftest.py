@@ -1,6 +1,6 @@
-"""Of all tests: a ROS domain of their own, and fixtures that start real nodes and listen to them.
+"""Fixtures of all tests: real nodes, a node that listens to them, and references. Each run has its own ROS domain.
 
-As this file is here, tests can import `evidence`.
+As this file is in the root of the repository, tests can import `evidence`.
 """
 
 import contextlib
@@ -16,13 +16,13 @@ from evidence.harness.processes import NodeProcess, launcher
 
 
 def pytest_configure(config):
-    """Take a ROS domain in which no other test session and no other node of this machine is, before rclpy is there."""
+    """Choose a ROS domain that no other test run and no other node of this machine uses, before rclpy is imported."""
     for domain in range(1, 101):
         with contextlib.suppress(OSError):
             lock = Path(tempfile.gettempdir(), f'manta_sim_ros_test_domain_{domain}.lock').open('w')
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
             with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as port:
-                port.bind(('', 7410 + 250 * domain))  # that of the domain's first participant
+                port.bind(('', 7410 + 250 * domain))  # the port of the first participant of the domain
             config.domain_lock = lock  # held until the session ends
             break
     else:
@@ -49,6 +49,12 @@ def launch(tmp_path_factory):
 def module_launch(tmp_path_factory):
     """As `launch`, for all tests of a module."""
     yield from launcher(tmp_path_factory.mktemp('nodes'))
+
+
+@pytest.fixture(scope='session')
+def pinocchio_tree():
+    """The reference that Pinocchio solves; without Pinocchio, a test that asks for it is skipped."""
+    return pytest.importorskip('evidence.references.pinocchio_tree')
 
 
 @pytest.fixture(scope='module')

@@ -17,12 +17,11 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import pinocchio
-from numpy.typing import NDArray
 
 from evidence.references import equations
 from evidence.references.mujoco_tree import swimmer_model
 from evidence.references.pinocchio_tree import swimmer_tree
-from manta_sim_ros.dynamics import MONOLITHIC, FinCommand, Parameters, Simulator
+from manta_sim_ros.dynamics import MONOLITHIC, FinCommand, FloatArray, Parameters, Simulator
 
 GAIT = FinCommand(amplitude=math.radians(40.0), frequency=0.6, phase=math.radians(40.0))
 EVALUATIONS = 5  # of both fins in a step: four of Runge-Kutta and the wrench at its end
@@ -30,7 +29,7 @@ PAPER_TIME, PAPER_SPAN = 0.18, 0.01  # s, s: Section 4, computing time for this 
 SIZES = {'chains': (8, 16, 30, 60, 120, 240), 'links': (1, 2, 3, 4, 6, 8, 12, 16, 24)}  # the other at its default
 SHORT_STEP = 1e-6  # s, stable for the shortest links; a step costs the same whatever its length
 
-Timings = dict[str, NDArray]  # of each program, seconds per call in each round
+Timings = dict[str, FloatArray]  # of each program, seconds per call in each round
 
 
 @dataclasses.dataclass(frozen=True)
@@ -99,7 +98,7 @@ def reference_step(parameters: Parameters, steps: int) -> Program:
     amplitudes, phases = np.array([front, GAIT.amplitude]), np.array([GAIT.phase, 0.0])
     pulsation = 2.0 * math.pi * GAIT.frequency
 
-    def rod_motion(side: int, at: float) -> NDArray:
+    def rod_motion(side: int, at: float) -> FloatArray:
         sine, cosine = np.sin(pulsation * at + phases), np.cos(pulsation * at + phases)
         return np.stack([amplitudes * sine, amplitudes * pulsation * cosine, -amplitudes * pulsation**2 * sine], axis=1)
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from evidence.references import equations
 from evidence.verification.mechanics import rods_of
-from manta_sim_ros.dynamics import Parameters, Simulator
+from manta_sim_ros.dynamics import FloatArray, Parameters, Simulator
 from manta_sim_ros.figures.gaits import STRAIGHT, robot
 
 PAPER_TIME = 0.18
@@ -69,6 +69,6 @@ def reference_seconds(parameters: Parameters, steps: int) -> float:
     return (time.process_time() - start) / steps
 
 
-def rod_motion(parameters: Parameters, at: float) -> np.ndarray:
+def rod_motion(parameters: Parameters, at: float) -> FloatArray:
     """Return angle, rate and acceleration [rad, s] of the front and the rear rod (2, 3) in the straight gait, (38)."""
     return rods_of(parameters, STRAIGHT, np.array([at]))[0]

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from evidence import report
-from manta_sim_ros.dynamics import Parameters, StabilityWarning, largest_stable_step
+from manta_sim_ros.dynamics import FloatArray, Parameters, StabilityWarning, largest_stable_step
 from manta_sim_ros.figures.figure_8 import mean_thrust
 from manta_sim_ros.figures.figure_9 import FREQUENCY, PHASE, WINDOW, swim
 from manta_sim_ros.figures.gaits import FEW_CHAINS, STRAIGHT, TURN_FREQUENCY, TURNS, robot
@@ -171,9 +171,9 @@ class Sensitivity:
     chains: int
     periods: int
     """Number of flapping periods of a turn."""
-    results: np.ndarray
+    results: FloatArray
     """(1 + 2 V, R) results of VARIANTS in their units; NaN where a variant is impossible."""
-    smooth: np.ndarray
+    smooth: FloatArray
     """(1 + 2 V, R) the same with FEW_CHAINS chains per fin."""
 
     @classmethod
@@ -187,17 +187,17 @@ class Sensitivity:
         return cls(chains, periods, results, smooth)
 
     @property
-    def base(self) -> np.ndarray:
+    def base(self) -> FloatArray:
         """(R,) results of the default robot."""
         return self.results[0]
 
     @property
-    def effects(self) -> np.ndarray:
+    def effects(self) -> FloatArray:
         """(V, 2, R) relative change of each result for the smaller and for the greater value [%]."""
         return changes(self.results)
 
     @property
-    def smooth_effects(self) -> np.ndarray:
+    def smooth_effects(self) -> FloatArray:
         """(V, 2, R) the same with FEW_CHAINS chains per fin [%]."""
         return changes(self.smooth)
 
@@ -207,7 +207,7 @@ class Sensitivity:
         largest = np.abs(self.effects[:, :, 0]).max(axis=1)
         return sorted(range(len(VALUES)), key=lambda row: -np.nan_to_num(largest[row], nan=math.inf))
 
-    def columns(self) -> dict[str, np.ndarray]:
+    def columns(self) -> dict[str, FloatArray]:
         """Return all results as columns of equal length: first those of VARIANTS, then the same with FEW_CHAINS."""
         numbers = np.repeat([self.chains, FEW_CHAINS], len(VARIANTS))
         return {
@@ -265,7 +265,7 @@ class Sensitivity:
         figure.legend(*panels[0, 0].get_legend_handles_labels(), loc='outside lower center', ncols=3)
 
 
-def draw_bars(axes: Axes, effects: np.ndarray, smooth: np.ndarray, chains: int) -> None:
+def draw_bars(axes: Axes, effects: FloatArray, smooth: FloatArray, chains: int) -> None:
     """Draw the effects (2, V) of smaller and greater values [%] as bars, and those with few chains as rings."""
     rows = np.arange(len(VALUES)) + np.array(OFFSETS)[:, np.newaxis]
     for at, of_factor, of_few, factor, color in zip(rows, effects, smooth, FACTORS, COLORS, strict=True):
@@ -294,7 +294,7 @@ def write_number(axes: Axes, row: float, effect: float, few: float) -> None:
                   ha='left' if side > 0.0 else 'right', va='center', fontsize=6.0, color='0.15')
 
 
-def changes(results: np.ndarray) -> np.ndarray:
+def changes(results: FloatArray) -> FloatArray:
     """Return the relative changes (V, 2, R) [%] in the results (1 + 2 V, R) of VARIANTS."""
     return 100.0 * (results[1:].reshape(len(VALUES), len(FACTORS), -1) / results[0] - 1.0)
 

@@ -16,7 +16,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from manta_sim_ros.dynamics import Parameters
+from manta_sim_ros.dynamics import FloatArray, Parameters
 
 X, Y, Z = np.eye(3)
 JOINT_AXIS = np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0])  # A_j of (16): every joint turns about x
@@ -26,7 +26,7 @@ LEFT, RIGHT = 0, 1
 NO_WRENCH = np.zeros(6)
 FRONT, REAR = 0, 1
 
-RodMotion = Callable[[int, float], np.ndarray]
+RodMotion = Callable[[int, float], FloatArray]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -39,48 +39,48 @@ class ReferenceState:
     """
 
     time: float
-    position: np.ndarray
-    orientation: np.ndarray
-    twist: np.ndarray
-    acceleration: np.ndarray
-    joint_angles: np.ndarray
-    joint_rates: np.ndarray
-    fin_wrenches: np.ndarray
+    position: FloatArray
+    orientation: FloatArray
+    twist: FloatArray
+    acceleration: FloatArray
+    joint_angles: FloatArray
+    joint_rates: FloatArray
+    fin_wrenches: FloatArray
 
 
-def _hat(v: np.ndarray) -> np.ndarray:
+def _hat(v: FloatArray) -> FloatArray:
     """Return the matrix of v x ..., the hat of (4)."""
     return np.array([[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]])
 
 
-def _Ad(rotation: np.ndarray, position: np.ndarray) -> np.ndarray:
+def _Ad(rotation: FloatArray, position: FloatArray) -> FloatArray:
     """Return Ad of the transform (rotation, position), (2)."""
     return np.block([[rotation, _hat(position) @ rotation], [np.zeros((3, 3)), rotation]])
 
 
-def _ad(twist: np.ndarray) -> np.ndarray:
+def _ad(twist: FloatArray) -> FloatArray:
     """Return ad of a twist, (4)."""
     return np.block([[_hat(twist[3:]), _hat(twist[:3])], [np.zeros((3, 3)), _hat(twist[3:])]])
 
 
-def _rotation_x(angle: float) -> np.ndarray:
+def _rotation_x(angle: float) -> FloatArray:
     c, s = np.cos(angle), np.sin(angle)
     return np.array([[1.0, 0.0, 0.0], [0.0, c, -s], [0.0, s, c]])
 
 
-def _rotation_y(angle: float) -> np.ndarray:
+def _rotation_y(angle: float) -> FloatArray:
     """Return the second matrix of (9)."""
     c, s = np.cos(angle), np.sin(angle)
     return np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]])
 
 
-def _rotation_z(angle: float) -> np.ndarray:
+def _rotation_z(angle: float) -> FloatArray:
     """Return the first matrix of (9)."""
     c, s = np.cos(angle), np.sin(angle)
     return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
 
 
-def _rod_end(radius: float, rod: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _rod_end(radius: float, rod: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return position (7), velocity and acceleration (3,) [m, s] of a rod's end in F_l, without the sliding along x.
 
     `rod` (3,) is angle, rate and acceleration [rad, s].
@@ -92,8 +92,8 @@ def _rod_end(radius: float, rod: np.ndarray) -> tuple[np.ndarray, np.ndarray, np
 
 
 def _support_angles(
-    length: float, gap: np.ndarray, gap_dot: np.ndarray, gap_ddot: np.ndarray,
-) -> tuple[np.ndarray, np.ndarray]:
+    length: float, gap: FloatArray, gap_dot: FloatArray, gap_ddot: FloatArray,
+) -> tuple[FloatArray, FloatArray]:
     """Return beta and theta of (9), each as (angle, first derivative, second derivative).
 
     `gap` (3,) [m] is B - A in F_l. Its y and z determine the two angles, because |AB| is the support's length L at all
@@ -117,8 +117,8 @@ def _support_angles(
 
 
 def support_motion(
-    parameters: Parameters, rod_motion: np.ndarray, body_twist: np.ndarray, body_acceleration: np.ndarray,
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    parameters: Parameters, rod_motion: FloatArray, body_twist: FloatArray, body_acceleration: FloatArray,
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """Return the motion of the left support AB, (6) to (10).
 
     `rod_motion` (2, 3): rows front, rear; columns angle [rad], rate [rad/s], acceleration [rad/s^2]. `body_twist` and
@@ -171,7 +171,7 @@ def _link_length(parameters: Parameters) -> float:
     return parameters.fin.span / parameters.fin.links
 
 
-def _chord_positions(parameters: Parameters) -> np.ndarray:
+def _chord_positions(parameters: Parameters) -> FloatArray:
     """Return s (n,) [m] of each chain along x_0 from A, leading edge first: the midpoint rule of (33)."""
     length, chains = parameters.rods.support_length, parameters.fin.chains
     return length - (np.arange(chains) + 0.5) * length / chains
@@ -182,30 +182,30 @@ def _bending_stiffness(parameters: Parameters) -> float:
     return parameters.fin.youngs_modulus * parameters.fin.thickness**3 / 12.0
 
 
-def elastic_energy(parameters: Parameters, joint_angles: np.ndarray) -> np.ndarray:
+def elastic_energy(parameters: Parameters, joint_angles: FloatArray) -> FloatArray:
     """Return E_j [J/m], per unit chord, of each joint angle [rad], in the shape of `joint_angles`, (13)."""
     link_length = _link_length(parameters)
     curvature = 2.0 * np.tan(joint_angles / 2.0) / link_length
     return 0.5 * _bending_stiffness(parameters) * curvature**2 * link_length
 
 
-def elastic_torque(parameters: Parameters, joint_angles: np.ndarray) -> np.ndarray:
+def elastic_torque(parameters: Parameters, joint_angles: FloatArray) -> FloatArray:
     """Return tau_{j,e} [N], a torque per unit chord, of each joint angle [rad]: minus the derivative of (13), (14)."""
     tangent = np.tan(joint_angles / 2.0)
     return -2.0 * _bending_stiffness(parameters) / _link_length(parameters) * tangent * (1.0 + tangent**2)
 
 
-def _damping_torque(parameters: Parameters, joint_rates: np.ndarray) -> np.ndarray:
+def _damping_torque(parameters: Parameters, joint_rates: FloatArray) -> FloatArray:
     """Return tau_{j,d} [N], a torque per unit chord, (15)."""
     return -parameters.fin.joint_damping * joint_rates
 
 
-def _center_of_mass(parameters: Parameters) -> np.ndarray:
+def _center_of_mass(parameters: Parameters) -> FloatArray:
     """Return Cm_j (3,) [m], the middle of a link, in F_j."""
     return 0.5 * _link_length(parameters) * Y
 
 
-def _link_inertia(parameters: Parameters) -> np.ndarray:
+def _link_inertia(parameters: Parameters) -> FloatArray:
     """Return M_j of (18), (6, 6) per unit chord, in F_j about its origin: a uniform thin rod along y."""
     fin, link_length = parameters.fin, _link_length(parameters)
     mass = fin.density * fin.thickness * link_length
@@ -217,12 +217,12 @@ def _link_inertia(parameters: Parameters) -> np.ndarray:
     ])
 
 
-def _gyroscopic_wrench(inertia: np.ndarray, twist: np.ndarray) -> np.ndarray:
+def _gyroscopic_wrench(inertia: FloatArray, twist: FloatArray) -> FloatArray:
     """Return beta_j of (18) (6,): the Coriolis and centrifugal wrench in F_j."""
     return -_ad(twist).T @ inertia @ twist
 
 
-def _link_transforms(parameters: Parameters, joint_angles: np.ndarray) -> list[np.ndarray]:
+def _link_transforms(parameters: Parameters, joint_angles: FloatArray) -> list[FloatArray]:
     """Return Ad of jg_{j-1}, j = 1 to m, of one chain with `joint_angles` (m,): from F_{j-1}'s twists to F_j's.
 
     For j = 1, F_{j-1} is the support's frame at the chain, whose origin is O_1.
@@ -235,7 +235,7 @@ def _link_transforms(parameters: Parameters, joint_angles: np.ndarray) -> list[n
     return transforms
 
 
-def _transform(transforms: list[np.ndarray], j: int, i: int) -> np.ndarray:
+def _transform(transforms: list[FloatArray], j: int, i: int) -> FloatArray:
     """Return Ad of jg_i, i <= j, as the product over the links between them; i = -1 is the support."""
     product = np.eye(6)
     for between in range(i + 1, j + 1):
@@ -243,7 +243,7 @@ def _transform(transforms: list[np.ndarray], j: int, i: int) -> np.ndarray:
     return product
 
 
-def _composite_inertias(inertias: list[np.ndarray], transforms: list[np.ndarray]) -> list[np.ndarray]:
+def _composite_inertias(inertias: list[FloatArray], transforms: list[FloatArray]) -> list[FloatArray]:
     """Return M*_j of (26), from tip to root, of links with `inertias` M_j."""
     composite = list(inertias)
     for j in reversed(range(len(transforms) - 1)):
@@ -251,7 +251,7 @@ def _composite_inertias(inertias: list[np.ndarray], transforms: list[np.ndarray]
     return composite
 
 
-def _mass_matrix(transforms: list[np.ndarray], composite: list[np.ndarray]) -> np.ndarray:
+def _mass_matrix(transforms: list[FloatArray], composite: list[FloatArray]) -> FloatArray:
     """Return M of (30)."""
     links = len(transforms)
     matrix = np.empty((links, links))
@@ -263,13 +263,13 @@ def _mass_matrix(transforms: list[np.ndarray], composite: list[np.ndarray]) -> n
     return matrix
 
 
-def mass_matrix(parameters: Parameters, joint_angles: np.ndarray) -> np.ndarray:
+def mass_matrix(parameters: Parameters, joint_angles: FloatArray) -> FloatArray:
     """Return M (m, m) [kg m], per unit chord, of one chain with `joint_angles` (m,) [rad], (30), without added mass."""
     transforms = _link_transforms(parameters, joint_angles)
     return _mass_matrix(transforms, _composite_inertias([_link_inertia(parameters)] * len(transforms), transforms))
 
 
-def _link_twists(transforms: list[np.ndarray], joint_rates: np.ndarray, base_twist: np.ndarray) -> list[np.ndarray]:
+def _link_twists(transforms: list[FloatArray], joint_rates: FloatArray, base_twist: FloatArray) -> list[FloatArray]:
     """Return eta_j of each link in F_j, (16); `base_twist` is that of the support at the chain, in F_0."""
     twists, twist = [], base_twist
     for transform, rate in zip(transforms, joint_rates, strict=True):
@@ -278,7 +278,7 @@ def _link_twists(transforms: list[np.ndarray], joint_rates: np.ndarray, base_twi
     return twists
 
 
-def _nodes(parameters: Parameters, joint_angles: np.ndarray) -> np.ndarray:
+def _nodes(parameters: Parameters, joint_angles: FloatArray) -> FloatArray:
     """Return O_1 to O_m and the tip of each chain (n, m + 1, 3) [m], in F_0 from A."""
     chains, links = joint_angles.shape
     nodes = np.empty((chains, links + 1, 3))
@@ -290,7 +290,7 @@ def _nodes(parameters: Parameters, joint_angles: np.ndarray) -> np.ndarray:
     return nodes
 
 
-def link_normals(parameters: Parameters, joint_angles: np.ndarray) -> np.ndarray:
+def link_normals(parameters: Parameters, joint_angles: FloatArray) -> FloatArray:
     """Return the unit normal n_j (n, m, 3) of each link, in F_0, of a fin with `joint_angles` (n, m) [rad], (11).
 
     The chordwise tangent points toward the leading edge. It is the sum of the tangents at the link's root and at its
@@ -310,8 +310,8 @@ def link_normals(parameters: Parameters, joint_angles: np.ndarray) -> np.ndarray
 
 
 def _drag_wrench(
-    parameters: Parameters, twist: np.ndarray, normal: np.ndarray, water_velocity: np.ndarray,
-) -> np.ndarray:
+    parameters: Parameters, twist: FloatArray, normal: FloatArray, water_velocity: FloatArray,
+) -> FloatArray:
     """Return the wrench (6,) of the water on a link, per unit chord, (12) in (19). All are in F_j, about O_j."""
     center = _center_of_mass(parameters)
     velocity = twist[:3] + np.cross(twist[3:], center) - water_velocity
@@ -330,7 +330,7 @@ def _added_mass(parameters: Parameters) -> float:
     return water.added_mass_coefficient * water.added_mass_density * np.pi / 4.0 * length * _link_length(parameters)
 
 
-def _added_inertia(parameters: Parameters, twist: np.ndarray, normal: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _added_inertia(parameters: Parameters, twist: FloatArray, normal: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return the added mass of a link as an inertia (6, 6) and a bias (6,), per unit chord.
 
     The load on the midpoint c is -m_a n (n . a), Morison's inertia term, where a is the midpoint's acceleration in the
@@ -346,9 +346,9 @@ def _added_inertia(parameters: Parameters, twist: np.ndarray, normal: np.ndarray
 
 
 def _chain_dynamics(
-    parameters: Parameters, joint_angles: np.ndarray, joint_rates: np.ndarray, normals: np.ndarray,
-    base_twist: np.ndarray, base_acceleration: np.ndarray, water_velocity: np.ndarray,
-) -> tuple[np.ndarray, np.ndarray]:
+    parameters: Parameters, joint_angles: FloatArray, joint_rates: FloatArray, normals: FloatArray,
+    base_twist: FloatArray, base_acceleration: FloatArray, water_velocity: FloatArray,
+) -> tuple[FloatArray, FloatArray]:
     """Return the joint accelerations (m,) and f_0 (6,), per unit chord, of one chain, (16) to (32).
 
     `normals` (m, 3), `base_twist`, `base_acceleration` (6,), `water_velocity` (3,) and f_0 are in the frame of the
@@ -401,9 +401,9 @@ def _chain_dynamics(
 
 
 def fin_dynamics(
-    parameters: Parameters, side: int, rod_motion: np.ndarray, joint_angles: np.ndarray, joint_rates: np.ndarray,
-    body_twist: np.ndarray, body_acceleration: np.ndarray, water_velocity: np.ndarray = STILL_WATER,
-) -> tuple[np.ndarray, np.ndarray]:
+    parameters: Parameters, side: int, rod_motion: FloatArray, joint_angles: FloatArray, joint_rates: FloatArray,
+    body_twist: FloatArray, body_acceleration: FloatArray, water_velocity: FloatArray = STILL_WATER,
+) -> tuple[FloatArray, FloatArray]:
     """Return the joint accelerations (n, m) [rad/s^2] and the wrench (6,) [N, N m] of one fin, (6) to (33).
 
     `side` 0 left, 1 right; `rod_motion` (2, 3) as in `support_motion`, positive with the tip up; `joint_angles` and
@@ -433,16 +433,16 @@ def fin_dynamics(
     return joint_accelerations, wrench
 
 
-def orientation_matrix(orientation: np.ndarray) -> np.ndarray:
+def orientation_matrix(orientation: FloatArray) -> FloatArray:
     """Return the rotation (3, 3) from F_b to the world of a unit quaternion (4,) xyzw."""
     v, w = orientation[:3], orientation[3]
     return (w**2 - v @ v) * np.eye(3) + 2.0 * np.outer(v, v) + 2.0 * w * _hat(v)
 
 
 def body_acceleration(
-    parameters: Parameters, orientation: np.ndarray, twist: np.ndarray, fin_wrench: np.ndarray,
-    body_wrench: np.ndarray = NO_WRENCH, world_wrench: np.ndarray = NO_WRENCH,
-) -> np.ndarray:
+    parameters: Parameters, orientation: FloatArray, twist: FloatArray, fin_wrench: FloatArray,
+    body_wrench: FloatArray = NO_WRENCH, world_wrench: FloatArray = NO_WRENCH,
+) -> FloatArray:
     """Return eta_b_dot (6,) [m/s^2, rad/s^2] in F_b, (34) to (37).
 
     `orientation` (4,) is xyzw, and `twist` (6,) is in F_b. All wrenches (6,) are about the center of mass: `fin_wrench`
@@ -476,7 +476,7 @@ def rest_state(parameters: Parameters) -> ReferenceState:
         acceleration=np.zeros(6), joint_angles=joints, joint_rates=joints, fin_wrenches=np.zeros((2, 6)))
 
 
-def quaternion_dot(orientation: np.ndarray, angular_velocity: np.ndarray) -> np.ndarray:
+def quaternion_dot(orientation: FloatArray, angular_velocity: FloatArray) -> FloatArray:
     """Return the time derivative (4,) of a quaternion xyzw: half its product with (Omega, 0), with Omega in F_b."""
     v, w = orientation[:3], orientation[3]
     return 0.5 * np.hstack([w * angular_velocity + np.cross(v, angular_velocity), -v @ angular_velocity])
@@ -484,16 +484,16 @@ def quaternion_dot(orientation: np.ndarray, angular_velocity: np.ndarray) -> np.
 
 def _step_fin(
     parameters: Parameters, state: ReferenceState, side: int, rod_motion: RodMotion,
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return joint angles (n, m), joint rates (n, m) and wrench (6,) of one fin at the end of the step."""
     dt = parameters.solver.time_step
     water_velocity = orientation_matrix(state.orientation).T @ np.array(parameters.water.current)
 
-    def dynamics(time: float, angles: np.ndarray, rates: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def dynamics(time: float, angles: FloatArray, rates: FloatArray) -> tuple[FloatArray, FloatArray]:
         return fin_dynamics(
             parameters, side, rod_motion(side, time), angles, rates, state.twist, state.acceleration, water_velocity)
 
-    def slope(time: float, joints: np.ndarray) -> np.ndarray:
+    def slope(time: float, joints: FloatArray) -> FloatArray:
         angles, rates = joints
         return np.stack([rates, dynamics(time, angles, rates)[0]])
 
@@ -509,7 +509,7 @@ def _step_fin(
 
 def step(
     parameters: Parameters, state: ReferenceState, rod_motion: RodMotion,
-    body_wrench: np.ndarray = NO_WRENCH, world_wrench: np.ndarray = NO_WRENCH,
+    body_wrench: FloatArray = NO_WRENCH, world_wrench: FloatArray = NO_WRENCH,
 ) -> ReferenceState:
     """Return the state one `solver.time_step` later, by the staggered coupling of Section 4 and Figure 6.
 

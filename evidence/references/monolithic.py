@@ -27,18 +27,18 @@ from evidence.references.equations import (
     orientation_matrix,
     quaternion_dot,
 )
-from manta_sim_ros.dynamics import Parameters
+from manta_sim_ros.dynamics import FloatArray, Parameters
 
-FinDynamics = Callable[..., tuple[np.ndarray, np.ndarray]]
+FinDynamics = Callable[..., tuple[FloatArray, FloatArray]]
 """A function with the arguments, in their order, and the results of `equations.fin_dynamics`."""
 
 
 class Accelerations(NamedTuple):
     """Accelerations and wrenches at one time, with shapes and frames as in `ReferenceState`."""
 
-    body: np.ndarray  # (6,) [m/s^2, rad/s^2]
-    joints: np.ndarray  # (2, n, m) [rad/s^2]
-    fin_wrenches: np.ndarray  # (2, 6) [N, N m]
+    body: FloatArray  # (6,) [m/s^2, rad/s^2]
+    joints: FloatArray  # (2, n, m) [rad/s^2]
+    fin_wrenches: FloatArray  # (2, 6) [N, N m]
 
 
 def accelerations(
@@ -53,7 +53,7 @@ def accelerations(
     orientation = state.orientation / np.linalg.norm(state.orientation)
     water_velocity = orientation_matrix(orientation).T @ np.array(parameters.water.current)
 
-    def evaluate(side: int, acceleration: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def evaluate(side: int, acceleration: FloatArray) -> tuple[FloatArray, FloatArray]:
         return fin_dynamics(
             parameters, side, rod_motion(side, state.time), state.joint_angles[side], state.joint_rates[side],
             state.twist, acceleration, water_velocity)
@@ -79,13 +79,13 @@ def accelerations(
     return Accelerations(acceleration, joints + joint_slopes @ acceleration, wrenches + wrench_slopes @ acceleration)
 
 
-def _packed(state: ReferenceState) -> np.ndarray:
+def _packed(state: ReferenceState) -> FloatArray:
     """Return position, orientation, twist, joint angles and joint rates of a state as one vector."""
     return np.hstack([
         state.position, state.orientation, state.twist, state.joint_angles.ravel(), state.joint_rates.ravel()])
 
 
-def _unpacked(parameters: Parameters, time: float, vector: np.ndarray) -> ReferenceState:
+def _unpacked(parameters: Parameters, time: float, vector: FloatArray) -> ReferenceState:
     """Return the state of a `_packed` vector; its acceleration and wrenches are NaN."""
     position, orientation, twist, joints = np.split(vector, [3, 7, 13])
     angles, rates = joints.reshape(2, 2, parameters.fin.chains, parameters.fin.links)
@@ -94,9 +94,9 @@ def _unpacked(parameters: Parameters, time: float, vector: np.ndarray) -> Refere
 
 
 def derivative(
-    parameters: Parameters, time: float, vector: np.ndarray, rod_motion: RodMotion,
+    parameters: Parameters, time: float, vector: FloatArray, rod_motion: RodMotion,
     fin_dynamics: FinDynamics | None = None,
-) -> np.ndarray:
+) -> FloatArray:
     """Return the time derivative of a `_packed` vector of position, orientation, twist, joint angles and joint rates.
 
     The derivative of the orientation is half the product of the quaternion and (Omega, 0). Rotations are those of the
@@ -115,7 +115,7 @@ def derivative(
 
 
 def _completed(
-    parameters: Parameters, time: float, vector: np.ndarray, rod_motion: RodMotion, fin_dynamics: FinDynamics | None,
+    parameters: Parameters, time: float, vector: FloatArray, rod_motion: RodMotion, fin_dynamics: FinDynamics | None,
 ) -> ReferenceState:
     """Return the state of a `_packed` vector with a normalized quaternion, and with its acceleration and wrenches."""
     state = _unpacked(parameters, time, vector)
@@ -130,7 +130,7 @@ def step(
     """Return the state one `solver.time_step` later, by the classical fourth-order Runge-Kutta method."""
     dt, t, start = parameters.solver.time_step, state.time, _packed(state)
 
-    def slope(time: float, vector: np.ndarray) -> np.ndarray:
+    def slope(time: float, vector: FloatArray) -> FloatArray:
         return derivative(parameters, time, vector, rod_motion, fin_dynamics)
 
     k_1 = slope(t, start)

@@ -6,9 +6,8 @@ import xml.etree.ElementTree as ElementTree
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
-from manta_sim_ros.dynamics import Parameters
+from manta_sim_ros.dynamics import FloatArray, Parameters
 
 WATER_DENSITY = 1000.0  # kg/m^3, fresh water; `water.density` is effective and belongs to the model's drag coefficients
 WATER_VISCOSITY = 1.0e-3  # Pa s
@@ -66,7 +65,7 @@ def swimmer_model(parameters: Parameters, time_step: float) -> mujoco.MjModel:
     return mujoco.MjModel.from_xml_string(ElementTree.tostring(root, encoding='unicode'))
 
 
-def _flat_support(parameters: Parameters, outward: float) -> tuple[NDArray, NDArray]:
+def _flat_support(parameters: Parameters, outward: float) -> tuple[FloatArray, FloatArray]:
     """Rotation (3, 3) and position (3,) [m] of F_0 in F_b with both rods level: a rotation about z alone."""
     rods = parameters.rods
     sine = outward * (rods.front_radius - rods.rear_radius) / rods.support_length
@@ -76,5 +75,5 @@ def _flat_support(parameters: Parameters, outward: float) -> tuple[NDArray, NDAr
     return rotation, np.array([x, outward * (y + rods.rear_radius), z])
 
 
-def _vector(values: tuple[float, ...] | NDArray) -> str:
+def _vector(values: tuple[float, ...] | FloatArray) -> str:
     return ' '.join(repr(float(value)) for value in values)

@@ -7,14 +7,13 @@ import math
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 from scipy.optimize import brentq
 
 from evidence.scenarios import sized
 from evidence.verification.claims import Claim, Section, rounded
 from evidence.verification.figures import fitted_order, mark
-from manta_sim_ros.dynamics import Parameters, Simulator, State, fin_dynamics
+from manta_sim_ros.dynamics import FloatArray, Parameters, Simulator, State, fin_dynamics
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -30,14 +29,14 @@ def _chain(links: int, **fin: float) -> Parameters:
     return sized(2, links, water={'density': 0.0}, fin={'joint_damping': 0.0, **fin})
 
 
-def _acceleration(parameters: Parameters, angles: NDArray, root: float) -> NDArray:
+def _acceleration(parameters: Parameters, angles: FloatArray, root: float) -> FloatArray:
     """Return the joint accelerations (m,) [rad/s^2] of a chain at rest whose `root` accelerates upward [m/s^2]."""
     both = np.tile(angles, (2, 1))
     body = np.array([0.0, 0.0, root, 0.0, 0.0, 0.0])
     return fin_dynamics(parameters, 0, RODS_AT_REST, both, np.zeros_like(both), np.zeros(6), body)[0][0]
 
 
-def _stiffness_over_inertia(parameters: Parameters) -> NDArray:
+def _stiffness_over_inertia(parameters: Parameters) -> FloatArray:
     """Return the matrix K (m, m) [1/s^2] of q-ddot = -K q about the straight chain, by central differences."""
     links, small = parameters.fin.links, 1e-6
     return np.stack([
@@ -45,7 +44,7 @@ def _stiffness_over_inertia(parameters: Parameters) -> NDArray:
         for unit in np.eye(links)], axis=1)
 
 
-def _tip(parameters: Parameters, angles: NDArray) -> float:
+def _tip(parameters: Parameters, angles: FloatArray) -> float:
     """Return the deflection of the tip from the straight chain [m]."""
     return parameters.fin.span / parameters.fin.links * float(np.sum(np.sin(np.cumsum(angles))))
 

@@ -7,15 +7,14 @@ import math
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import brentq
 
-from evidence.references.pinocchio_tree import support_pose
+from evidence.references.mechanism import support_pose
 from evidence.scenarios import sized
 from evidence.verification.claims import Claim, Section, rounded
 from evidence.verification.gaits import GAITS
 from evidence.verification.mechanics import without_smoothing
-from manta_sim_ros.dynamics import MONOLITHIC, FinCommand, Parameters, Simulator, State
+from manta_sim_ros.dynamics import MONOLITHIC, FinCommand, FloatArray, Parameters, Simulator, State
 from manta_sim_ros.figures.style import MARKERS
 
 if TYPE_CHECKING:
@@ -32,7 +31,7 @@ class Mode(NamedTuple):
     """A chordwise mode of a fin of single links: its complex growth rate [1/s] and complex joint angles (n,)."""
 
     rate: complex
-    shape: NDArray
+    shape: FloatArray
 
 
 def _links(chains: int) -> Parameters:
@@ -42,7 +41,7 @@ def _links(chains: int) -> Parameters:
     return parameters.replace(water={'current': rotation @ [-ALONG, 0.0, THROUGH]})
 
 
-def _slope_matrix(chains: int, spacing: float) -> NDArray:
+def _slope_matrix(chains: int, spacing: float) -> FloatArray:
     """Return the matrix (n, n) [1/m] of the chordwise slope of (11): central inside, one-sided at the edges."""
     matrix = np.zeros((chains, chains))
     for k in range(chains):
@@ -93,7 +92,9 @@ def _simulated_growth(parameters: Parameters, mode: Mode, step: float) -> float:
     return math.log(np.linalg.norm(after) / np.linalg.norm(shape.real)) / period
 
 
-def _roughness(gaits: tuple[FinCommand, FinCommand], chains: int, time_step: float = 2e-3) -> tuple[NDArray, NDArray]:
+def _roughness(
+    gaits: tuple[FinCommand, FinCommand], chains: int, time_step: float = 2e-3,
+) -> tuple[FloatArray, FloatArray]:
     """Return times [s] and the largest second difference of the tips' angles along the chord [rad], body free."""
     parameters = without_smoothing(sized(chains, 3, solver={'coupling': MONOLITHIC, 'time_step': time_step}))
     simulator = Simulator(parameters)

@@ -7,7 +7,6 @@ import warnings
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from evidence.references import monolithic as reference_monolithic
 from evidence.references.equations import ReferenceState
@@ -18,13 +17,13 @@ from evidence.verification.figures import draw_convergence, fitted_order
 from evidence.verification.gaits import GAITS
 from evidence.verification.laws import COUPLINGS, ORDERS, STEPS
 from evidence.verification.mechanics import rods_of, without_smoothing
-from manta_sim_ros.dynamics import MONOLITHIC, DivergenceError, FinCommand, Parameters, Simulator, State
+from manta_sim_ros.dynamics import MONOLITHIC, DivergenceError, FinCommand, FloatArray, Parameters, Simulator, State
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-def _pose_after(parameters: Parameters, gaits: tuple[FinCommand, FinCommand], duration: float) -> NDArray:
+def _pose_after(parameters: Parameters, gaits: tuple[FinCommand, FinCommand], duration: float) -> FloatArray:
     """Return position [m] and orientation (7,) after `duration` [s] from rest."""
     simulator = Simulator(parameters)
     simulator.command(left=gaits[0], right=gaits[1])
@@ -39,7 +38,7 @@ def errors_of_the_step(quick: bool = False) -> Section:
     errors: dict[str, dict[str, list[float]]] = {coupling: {} for coupling in COUPLINGS}
     distances = {}
     for name, gaits in GAITS.items():
-        def pose(coupling: str, step: float, gaits: tuple[FinCommand, FinCommand] = gaits) -> NDArray:
+        def pose(coupling: str, step: float, gaits: tuple[FinCommand, FinCommand] = gaits) -> FloatArray:
             parameters = without_smoothing(sized(*size, solver={'coupling': COUPLINGS[coupling], 'time_step': step}))
             return _pose_after(parameters, gaits, duration)
 
@@ -93,7 +92,7 @@ def trajectory(quick: bool = False) -> Section:
     start.command(left=gaits[0], right=gaits[1])
     begin = start.advance(0.3)
 
-    def rods(side: int, time: float) -> NDArray:
+    def rods(side: int, time: float) -> FloatArray:
         return rods_of(base, gaits[side], np.array([time]))[0]
 
     exact = reference_monolithic.trajectory(base, _reference_state(begin), rods, duration)
@@ -178,7 +177,7 @@ def _light_body(coupling: str, mass: float, step: float) -> Parameters:
         8, 3, body={'mass': mass, 'inertia': inertia}, solver={'coupling': COUPLINGS[coupling], 'time_step': step}))
 
 
-def _accelerations(parameters: Parameters) -> tuple[NDArray, NDArray]:
+def _accelerations(parameters: Parameters) -> tuple[FloatArray, FloatArray]:
     """Return times [s] and the linear acceleration [m/s^2] of the body in the first steps, until it diverges."""
     simulator, results = Simulator(parameters), []
     left, right = GAITS['straight gait, A = 40°, f = 0.6 Hz']

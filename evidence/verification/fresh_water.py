@@ -7,13 +7,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import brentq
 
 from evidence.report import table
 from evidence.verification.claims import Claim, Section, rounded
 from evidence.verification.mechanics import without_smoothing
-from manta_sim_ros.dynamics import MONOLITHIC, Parameters, Simulator, fin_dynamics
+from manta_sim_ros.dynamics import MONOLITHIC, FloatArray, Parameters, Simulator, fin_dynamics
 from manta_sim_ros.figures.gaits import gait
 
 if TYPE_CHECKING:
@@ -29,12 +28,12 @@ GAITS = (30.0, 0.6, 40.0), (40.0, 0.6, 40.0), (40.0, 0.4, 40.0), (50.0, 0.6, 40.
 LEAD_IN, PERIODS = 30.0, 8  # [s] before the speed is that of cruise; number of periods that are averaged
 
 
-def _jacobian(parameters: Parameters, twist: NDArray) -> NDArray:
+def _jacobian(parameters: Parameters, twist: FloatArray) -> FloatArray:
     """Return d(q-dot, q-ddot) / d(q, q-dot) (2 n m, 2 n m) of a flat left fin on a body that moves steadily."""
     shape = parameters.fin.chains, parameters.fin.links
     size = shape[0] * shape[1]
 
-    def acceleration(state: NDArray) -> NDArray:
+    def acceleration(state: FloatArray) -> FloatArray:
         angles, rates = state.reshape(2, *shape)
         return fin_dynamics(parameters, 0, np.zeros((2, 3)), angles, rates, twist, np.zeros(6))[0].ravel()
 

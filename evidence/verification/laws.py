@@ -5,13 +5,12 @@ import dataclasses
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.integrate import cumulative_simpson
 
 from evidence.verification.claims import Claim, Section, rounded
 from evidence.verification.figures import draw_convergence, fitted_order
 from evidence.verification.mechanics import Commands, History, energy, power, recorded, to_world, without_smoothing
-from manta_sim_ros.dynamics import MONOLITHIC, SEQUENTIAL, Parameters, Simulator, State
+from manta_sim_ros.dynamics import MONOLITHIC, SEQUENTIAL, FloatArray, Parameters, Simulator, State
 from manta_sim_ros.figures.gaits import STRAIGHT, gait
 
 if TYPE_CHECKING:
@@ -47,12 +46,12 @@ def followed(
 class Balance:
     """Energy stored and work done since the first time (T,) [J]."""
 
-    time: NDArray
-    stored: NDArray
-    work: dict[str, NDArray]
+    time: FloatArray
+    stored: FloatArray
+    work: dict[str, FloatArray]
 
     @property
-    def residual(self) -> NDArray:
+    def residual(self) -> FloatArray:
         """Energy stored minus work done (T,), over the total work of the rods."""
         return (self.stored - sum(self.work.values())) / self.work['rods'][-1]
 

@@ -2,7 +2,7 @@
 
 Nothing here uses the simulator's equations. A link is two point masses at the Gauss points of its length, which have
 exactly the kinetic energy, the momentum and the angular momentum of a uniform thin rod. The poses of the supports
-follow from the closure of the six-link mechanism (`pinocchio_tree.support_pose`), and the motion of the rods is (38).
+follow from the closure of the six-link mechanism (`mechanism.support_pose`), and the motion of the rods is (38).
 Components are those in F_b unless another frame is given. The first axis of a fin's arrays is the chain, and the second
 is the time.
 """
@@ -13,12 +13,11 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import make_interp_spline
 from scipy.spatial.transform import Rotation
 
-from evidence.references.pinocchio_tree import OUTWARD, added_mass_forces, drag_forces, support_pose
-from manta_sim_ros.dynamics import FinCommand, Parameters, Simulator
+from evidence.references.mechanism import OUTWARD, added_mass_forces, drag_forces, support_pose
+from manta_sim_ros.dynamics import FinCommand, FloatArray, Parameters, Simulator
 
 GAUSS_POINTS = 0.5 + np.array([-0.5, 0.5]) / math.sqrt(3.0)  # in link lengths from the link's root
 MIDPOINT, ENDS = np.array([0.5]), np.array([0.0, 1.0])
@@ -29,22 +28,22 @@ Commands = tuple[FinCommand, FinCommand]
 class Supports(NamedTuple):
     """Pose of F_0 in F_b of both supports, and its time derivative, at T times."""
 
-    rotation: NDArray  # (T, 2, 3, 3)
-    rotation_dot: NDArray  # (T, 2, 3, 3) [1/s]
-    position: NDArray  # (T, 2, 3) [m]
-    position_dot: NDArray  # (T, 2, 3) [m/s]
+    rotation: FloatArray  # (T, 2, 3, 3)
+    rotation_dot: FloatArray  # (T, 2, 3, 3) [1/s]
+    position: FloatArray  # (T, 2, 3) [m]
+    position_dot: FloatArray  # (T, 2, 3) [m/s]
 
 
 class History(NamedTuple):
     """States at T times, with fields as in `State`, and the supports at these times."""
 
-    time: NDArray  # (T,) [s]
-    position: NDArray  # (T, 3) [m], world
-    orientation: NDArray  # (T, 4)
-    twist: NDArray  # (T, 6) [m/s, rad/s]
-    joint_angles: NDArray  # (T, 2, n, m) [rad]
-    joint_rates: NDArray  # (T, 2, n, m) [rad/s]
-    fin_wrenches: NDArray  # (T, 2, 6) [N, N m]
+    time: FloatArray  # (T,) [s]
+    position: FloatArray  # (T, 3) [m], world
+    orientation: FloatArray  # (T, 4)
+    twist: FloatArray  # (T, 6) [m/s, rad/s]
+    joint_angles: FloatArray  # (T, 2, n, m) [rad]
+    joint_rates: FloatArray  # (T, 2, n, m) [rad/s]
+    fin_wrenches: FloatArray  # (T, 2, 6) [N, N m]
     supports: Supports
 
 
@@ -54,12 +53,12 @@ class FinMotion(NamedTuple):
     `relative_twist` (T, 6) is that of the support relative to the body, about the body's center of mass.
     """
 
-    positions: NDArray
-    velocities: NDArray
-    relative_twist: NDArray
+    positions: FloatArray
+    velocities: FloatArray
+    relative_twist: FloatArray
 
 
-def rods_of(parameters: Parameters, command: FinCommand, time: NDArray) -> NDArray:
+def rods_of(parameters: Parameters, command: FinCommand, time: FloatArray) -> FloatArray:
     """Return (T, 2, 3) [front or rear; angle, rate or acceleration] [rad, s] of the rods, (38) from time 0 on."""
     rods, psi_dot = parameters.rods, 2.0 * math.pi * command.frequency
     front = math.asin(rods.rear_radius / rods.front_radius * math.sin(command.amplitude))
@@ -70,7 +69,7 @@ def rods_of(parameters: Parameters, command: FinCommand, time: NDArray) -> NDArr
     return np.moveaxis(np.array(motion), 2, 0)
 
 
-def supports_of(parameters: Parameters, commands: Commands, time: NDArray) -> Supports:
+def supports_of(parameters: Parameters, commands: Commands, time: FloatArray) -> Supports:
     """Return the motion of both supports, from the closure of the mechanism and (38)."""
     sides = []
     for side, command in enumerate(commands):
@@ -94,7 +93,7 @@ def recorded(simulator: Simulator, commands: Commands, duration: float, every: i
     return History(**fields, supports=supports_of(parameters, commands, fields['time']))
 
 
-def fin_motion(parameters: Parameters, history: History, side: int, fractions: NDArray) -> FinMotion:
+def fin_motion(parameters: Parameters, history: History, side: int, fractions: FloatArray) -> FinMotion:
     """Return position and velocity of the points at `fractions` of each link's length, from its root."""
     fin, length, outward = parameters.fin, parameters.rods.support_length, OUTWARD[side]
     link = fin.span / fin.links
@@ -111,7 +110,7 @@ def fin_motion(parameters: Parameters, history: History, side: int, fractions: N
     local = root[..., None, :] + fractions[:, None] * along[..., None, :]
     local_dot = root_dot[..., None, :] + fractions[:, None] * along_dot[..., None, :]
 
-    def to_body(matrix: NDArray, vectors: NDArray) -> NDArray:
+    def to_body(matrix: FloatArray, vectors: FloatArray) -> FloatArray:
         return np.einsum('tab,ntmpb->ntmpa', matrix, vectors)
 
     positions = origin[:, None, None] + to_body(rotation, local)
@@ -134,12 +133,12 @@ def _point_mass(parameters: Parameters) -> float:
     return 0.5 * fin.density * fin.thickness * fin.span / fin.links * _chord(parameters)
 
 
-def to_world(history: History) -> NDArray:
+def to_world(history: History) -> FloatArray:
     """Return the rotations (T, 3, 3) from F_b to the world."""
     return Rotation.from_quat(history.orientation).as_matrix()
 
 
-def energy(parameters: Parameters, history: History) -> dict[str, NDArray]:
+def energy(parameters: Parameters, history: History) -> dict[str, FloatArray]:
     """Return (T,) [J] each: `kinetic` energy of body and links, `elastic` energy (13), energy of `buoyancy` (35)."""
     body, fin = parameters.body, parameters.fin
     inertia = np.array([body.mass] * 3 + list(body.inertia))
@@ -155,7 +154,7 @@ def energy(parameters: Parameters, history: History) -> dict[str, NDArray]:
     return {'kinetic': kinetic, 'elastic': elastic, 'buoyancy': -body.mass * body.gravity * height}
 
 
-def power(parameters: Parameters, history: History) -> dict[str, NDArray]:
+def power(parameters: Parameters, history: History) -> dict[str, FloatArray]:
     """Return (T,) [W] each: the power on the robot of `rods`, `drag` of fins and body, `added mass` and `dampers`.
 
     The rods move the supports relative to the body against the fins' wrenches: their power is -wrench . relative twist.
@@ -191,7 +190,7 @@ def power(parameters: Parameters, history: History) -> dict[str, NDArray]:
     }
 
 
-def momentum(parameters: Parameters, history: History) -> NDArray:
+def momentum(parameters: Parameters, history: History) -> FloatArray:
     """Return the linear and angular momentum (T, 6) [N s, N m s] of the robot about the origin, world frame."""
     body, rotations = parameters.body, to_world(history)
     linear = body.mass * history.twist[:, :3]

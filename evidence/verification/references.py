@@ -7,32 +7,33 @@ import math
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import CubicHermiteSpline
 from scipy.special import ellipk
 
-from evidence.references import equations, pinocchio_tree
+from evidence.references import equations
 from evidence.scenarios import any_moment, sized
 from evidence.verification.claims import Claim, Section, rounded
 from evidence.verification.figures import draw_convergence, fitted_order
 from evidence.verification.mechanics import without_smoothing
-from manta_sim_ros.dynamics import MONOLITHIC, FinCommand, Parameters, Simulator, State, fin_dynamics
+from manta_sim_ros.dynamics import MONOLITHIC, FinCommand, FloatArray, Parameters, Simulator, State, fin_dynamics
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 AGREEMENT = 5e-12
 SIZES = (2, 1), (4, 2), (7, 3), (5, 6), (12, 4)  # chains, links
-REFERENCES = {'reference equations': equations.fin_dynamics, 'Pinocchio': pinocchio_tree.fin_dynamics}
 WATERS = {'': {}, ' with added mass': {
     'water': {'added_mass_coefficient': 1.0}, 'solver': {'coupling': MONOLITHIC}}}
 
 
 def one_fin(quick: bool = False) -> Section:
-    """Compare all three implementations of both fins in random states."""
+    """Compare all three implementations of both fins in random states. Needs Pinocchio."""
+    from evidence.references import pinocchio_tree
+
+    references = {'reference equations': equations.fin_dynamics, 'Pinocchio': pinocchio_tree.fin_dynamics}
     seeds = range(2 if quick else 8)
     errors: dict[str, list[float]] = {
-        f'{name}{water}': [] for name in REFERENCES for water in WATERS}
+        f'{name}{water}': [] for name in references for water in WATERS}
     joints = []
     for chains, links in SIZES[:3] if quick else SIZES:
         joints.append(chains * links)
@@ -43,7 +44,7 @@ def one_fin(quick: bool = False) -> Section:
                 moment = any_moment(parameters, seed)
                 for side in range(2):
                     results = fin_dynamics(parameters, side, *moment)
-                    for name, reference in REFERENCES.items():
+                    for name, reference in references.items():
                         expected = reference(parameters, side, *moment)
                         largest[f'{name}{water}'] = max(largest[f'{name}{water}'], *(
                             float(np.abs(one - other).max() / np.abs(other).max())
@@ -55,7 +56,9 @@ def one_fin(quick: bool = False) -> Section:
     claims = tuple(
         Claim(f'error of joint accelerations and wrench, {name}{water}', sources[name], max(errors[f'{name}{water}']),
               AGREEMENT, 'rounding times the condition of the chain; measured with a margin of 20 for other machines')
-        for name in REFERENCES for water in WATERS)
+        for name in references for water in WATERS)
+
+    states = len(seeds) * len(joints) * 2
 
     def draw(figure: Figure) -> None:
         axes = figure.subplots()
@@ -68,9 +71,9 @@ def one_fin(quick: bool = False) -> Section:
     return Section('One fin, three implementations', f"""
 `fin_dynamics` is one closed, vectorized recursion. The reference equations (`evidence/references/equations.py`) follow
 the paper line by line, with 6 x 6 matrices, one chain at a time, and with M q-ddot = Q solved as a whole. The Pinocchio
-tree (`evidence/references/pinocchio_tree.py`) takes only the geometry of the mechanism, the springs and the forces of
-the water from the paper. Pinocchio computes the multibody dynamics, and the right fin is modeled directly instead of
-being mirrored. The implementations are compared with and without added mass, in {len(seeds) * len(joints) * 2} random
+tree (`pinocchio_tree.py` and `mechanism.py` beside it) takes only the geometry of the mechanism, the springs and the
+forces of the water from the paper. Pinocchio computes the multibody dynamics, and the right fin is modeled directly
+instead of being mirrored. The implementations are compared with and without added mass, in {states} random
 states each, for fins of {len(joints)} sizes. These fins are more bent and move faster than those of a robot.
 Differences are relative to the largest entry.
 
@@ -83,7 +86,7 @@ below, do not depend on it.
 PLATE_CURRENTS = np.array([[0.0, 0.0, 0.1], [0.0, 0.0, -0.1], [0.06, 0.0, 0.08], [0.0, 0.06, -0.08], [0.1, 0.0, 0.0]])
 
 
-def _settled(current: NDArray) -> tuple[NDArray, Parameters]:
+def _settled(current: FloatArray) -> tuple[FloatArray, Parameters]:
     """Return the simulated wrench (6,) [N, N m] on the held body of stiff fins at rest in a current [m/s]."""
     parameters = Parameters().replace(
         water={'current': current}, fin={'youngs_modulus': 1e11, 'joint_damping': 20.0, 'chains': 8, 'links': 1},

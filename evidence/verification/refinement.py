@@ -7,13 +7,13 @@ from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from evidence.verification.claims import Claim, Section, rounded
 from evidence.verification.figures import mark
 from evidence.verification.laws import COUPLINGS
 from evidence.verification.mechanics import without_smoothing
-from manta_sim_ros.dynamics import MONOLITHIC, Parameters, Simulator, State
+from manta_sim_ros.dynamics import MONOLITHIC, FloatArray, Parameters, Simulator, State
 from manta_sim_ros.figures.gaits import STRAIGHT, gait
 from manta_sim_ros.figures.style import MARKERS
 
@@ -63,7 +63,7 @@ def _heading(state: State) -> float:
     return math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
 
 
-def _deviations(swims: Iterable[Swim], limit: Swim) -> NDArray:
+def _deviations(swims: Iterable[Swim], limit: Swim) -> FloatArray:
     """Return the relative deviation of each run from the limit (runs, 3)."""
     return np.abs(np.array(list(swims)) / np.array(limit) - 1.0)
 
@@ -80,7 +80,7 @@ def _order(coarse: float, middle: float, fine: float) -> float:
     return math.log2(abs((coarse - middle) / (middle - fine)))
 
 
-def _draw(axes: Axes, sizes: ArrayLike, deviations: NDArray, label: str) -> None:
+def _draw(axes: Axes, sizes: ArrayLike, deviations: FloatArray, label: str) -> None:
     for marker, name, values in zip(MARKERS, QUANTITIES, 100.0 * deviations.T, strict=False):
         axes.loglog(sizes, values, f'{marker}-', label=name)
     axes.axhline(1.0, color='k', linestyle='--', linewidth=0.9, label='1 %')
@@ -89,7 +89,7 @@ def _draw(axes: Axes, sizes: ArrayLike, deviations: NDArray, label: str) -> None
     axes.legend()
 
 
-def _enough(sizes: Iterable[int], deviations: NDArray) -> str:
+def _enough(sizes: Iterable[int], deviations: FloatArray) -> str:
     """Return the size from which each quantity stays within 1 % of its limit; it is extrapolated with first order."""
     sizes, texts = list(sizes), []
     for name, values in zip(QUANTITIES, deviations.T, strict=True):

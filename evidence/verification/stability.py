@@ -13,6 +13,7 @@ from manta_sim_ros.dynamics import (
     MONOLITHIC,
     SEQUENTIAL,
     FinCommand,
+    FloatArray,
     Parameters,
     largest_stable_step,
 )
@@ -96,7 +97,7 @@ def diverging_step(parameters: Parameters, left: FinCommand, right: FinCommand, 
 
 def compared(
     cases: tuple[tuple[FinCommand, FinCommand, Mapping[str, Mapping[str, Any]]], ...],
-) -> tuple[np.ndarray, np.ndarray]:
+) -> tuple[FloatArray, FloatArray]:
     """Return the estimated and the measured steps [s] of cases."""
     steps = []
     for left, right, groups in cases:
@@ -170,11 +171,11 @@ the estimated step. Chains of one or two links are not part of this claim: do no
     )
 
 
-def _range(ratios: np.ndarray) -> str:
+def _range(ratios: FloatArray) -> str:
     return f'{rounded(float(ratios.min()), 3)} to {rounded(float(ratios.max()), 3)}'
 
 
-def _draw(figure: Figure, within: tuple[np.ndarray, np.ndarray], beyond: tuple[np.ndarray, np.ndarray]) -> None:
+def _draw(figure: Figure, within: tuple[FloatArray, FloatArray], beyond: tuple[FloatArray, FloatArray]) -> None:
     axes = figure.subplots()
     ends = 1e3 * np.array([0.8, 1.25]) * [np.min(within[0]), np.max(beyond[0])]
     axes.fill_between(ends, BAND[0] * ends, BAND[1] * ends, alpha=0.2, linewidth=0.0, label='claim')

@@ -6,13 +6,12 @@ import dataclasses
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from evidence.verification.claims import Claim, Section
 from evidence.verification.figures import draw_convergence, fitted_order
 from evidence.verification.laws import COUPLINGS, ORDERS, SIZE, STEPS, followed, robot
 from evidence.verification.mechanics import History, energy, momentum
-from manta_sim_ros.dynamics import MONOLITHIC, FinCommand, Parameters, State
+from manta_sim_ros.dynamics import MONOLITHIC, FinCommand, FloatArray, Parameters, State
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -109,7 +108,7 @@ from its least value, which is that of the upright body.
 """, claims, draw, 'Energy of the thrown robot over its initial energy.')
 
 
-def _energy_above_rest(parameters: Parameters, history: History) -> NDArray:
+def _energy_above_rest(parameters: Parameters, history: History) -> FloatArray:
     body = parameters.body
     least = -body.mass * body.gravity * float(np.linalg.norm(body.buoyancy_center))
     return sum(energy(parameters, history).values()) - least

@@ -251,7 +251,7 @@ class Parameters:
         Raises
         ------
         ValueError
-            A group or name is unknown, or a value is bad.
+            A group or name is unknown, or a value is invalid.
 
         """
         known, replaced = self.groups(), {}
@@ -277,7 +277,7 @@ class Parameters:
         ------
         ValueError
             The file is not such a file, a name is unknown, a group's name is nearly that of one of these groups, or a
-            value is bad. Begins with the path.
+            value is invalid. Begins with the path.
         OSError
             The file cannot be read.
 

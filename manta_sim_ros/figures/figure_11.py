@@ -5,8 +5,7 @@ from __future__ import annotations
 import dataclasses
 from typing import TYPE_CHECKING
 
-import numpy as np
-
+from manta_sim_ros.dynamics import FloatArray
 from manta_sim_ros.figures.figure_10 import LINES
 from manta_sim_ros.figures.gaits import TURN_FREQUENCY
 from manta_sim_ros.figures.periodic import period_average
@@ -27,7 +26,7 @@ class Figure11:
 
     turning: Turning
 
-    def columns(self) -> dict[str, np.ndarray]:
+    def columns(self) -> dict[str, FloatArray]:
         """Return the data of the figure as columns of equal length."""
         columns = {'time [s]': self.turning.turns[0].record.time}
         for turn in self.turning.turns:

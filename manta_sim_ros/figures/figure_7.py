@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from manta_sim_ros.dynamics import FinCommand, Parameters
+from manta_sim_ros.dynamics import FinCommand, FloatArray, Parameters
 from manta_sim_ros.figures.gaits import STRAIGHT, robot
 from manta_sim_ros.figures.periodic import fundamental, lag, recurring
 from manta_sim_ros.figures.record import flap
@@ -32,9 +32,9 @@ class Figure7:
     chains: int
     transient: int
     """Number of periods before the motion is periodic."""
-    cycle: np.ndarray
+    cycle: FloatArray
     """(samples,) time over period, greater than 0 and up to 1."""
-    angles: np.ndarray
+    angles: FloatArray
     """(samples, 2, m) joint angles [leading or trailing, joint] [degrees]."""
 
     @classmethod
@@ -48,19 +48,19 @@ class Figure7:
         return cls(gait, held.fin.chains, transient, np.arange(1, period.samples + 1) / period.samples, angles)
 
     @property
-    def chordwise_lags(self) -> np.ndarray:
+    def chordwise_lags(self) -> FloatArray:
         """(m,) lag of each joint of the trailing chain behind that of the leading chain [degrees]."""
         leading, trailing = fundamental(self.angles)
         return lag(leading, trailing)
 
     @property
-    def spanwise_lags(self) -> np.ndarray:
+    def spanwise_lags(self) -> FloatArray:
         """(2, m) lag of each joint behind the first of its chain, for the leading and the trailing chain [degrees]."""
         fundamentals = fundamental(self.angles)
         return lag(fundamentals[:, :1], fundamentals)
 
     @property
-    def direction_lags(self) -> np.ndarray:
+    def direction_lags(self) -> FloatArray:
         """(2, m) lag of the direction of each link behind that of the first link of its chain [degrees].
 
         The direction of a link in F_0 is the sum of the joint angles up to this link.
@@ -69,11 +69,11 @@ class Figure7:
         return lag(fundamentals[:, :1], fundamentals)
 
     @property
-    def cycles(self) -> tuple[np.ndarray, np.ndarray]:
+    def cycles(self) -> tuple[FloatArray, FloatArray]:
         """Time over period (2 samples,) and angles (2 samples, 2, m) of the two cycles that are shown."""
         return (np.concatenate([self.cycle + whole for whole in range(CYCLES)]), np.concatenate([self.angles] * CYCLES))
 
-    def columns(self) -> dict[str, np.ndarray]:
+    def columns(self) -> dict[str, FloatArray]:
         """Return the data of the figure as columns of equal length."""
         cycle, angles = self.cycles
         names = [f'{end} chain q{joint + 1} [deg]'

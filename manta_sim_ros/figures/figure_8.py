@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from manta_sim_ros.dynamics import Parameters
+from manta_sim_ros.dynamics import FloatArray, Parameters
 from manta_sim_ros.figures.gaits import gait, robot
 from manta_sim_ros.figures.periodic import recurring
 from manta_sim_ros.figures.record import flap
@@ -39,9 +39,9 @@ class Figure8:
     """The A amplitudes [degrees], with a phase of 30 degrees."""
     phases: tuple[float, ...]
     """The P phases [degrees], with an amplitude of 30 degrees."""
-    thrust_of_amplitude: np.ndarray
+    thrust_of_amplitude: FloatArray
     """(F, A) mean thrust [N]."""
-    thrust_of_phase: np.ndarray
+    thrust_of_phase: FloatArray
     """(F, P) mean thrust [N]."""
     longest_transient: int
     """Largest number of periods before the thrust is periodic, over all gaits."""
@@ -67,7 +67,7 @@ class Figure8:
                     for frequency in frequencies]
         return cls(frequencies, amplitudes, phases, np.array(of_amplitude), np.array(of_phase), max(transients))
 
-    def columns(self) -> dict[str, np.ndarray]:
+    def columns(self) -> dict[str, FloatArray]:
         """Return the data of the figure as columns of equal length, with the rows of the left plot first."""
         rows = [(frequency, amplitude, PHASE_OF_AMPLITUDES, thrust)
                 for frequency, thrusts in zip(self.frequencies, self.thrust_of_amplitude, strict=True)

@@ -7,8 +7,9 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
-from manta_sim_ros.dynamics import Parameters
+from manta_sim_ros.dynamics import FloatArray, Parameters
 from manta_sim_ros.figures.gaits import FEW_CHAINS, gait, robot
 from manta_sim_ros.figures.periodic import end_mean, period_average, settled
 from manta_sim_ros.figures.record import record
@@ -36,22 +37,22 @@ class Swim:
     amplitude: float
     """Amplitude [degrees]."""
     chains: int
-    time: np.ndarray
+    time: FloatArray
     """(T,) time [s]."""
-    speed: np.ndarray
+    speed: FloatArray
     """(T,) forward velocity of the center of mass in F_b [m/s]."""
     samples: int
     """Samples per period."""
-    attack: np.ndarray
+    attack: FloatArray
     """(T,) angle of attack of the body, atan2(-V_z, V_x) [degrees]."""
 
     @property
-    def average(self) -> np.ndarray:
+    def average(self) -> FloatArray:
         """(T,) speed averaged over the period around each time [m/s]; NaN where this period is not complete."""
         return period_average(self.speed, self.samples)
 
     @property
-    def window(self) -> np.ndarray:
+    def window(self) -> NDArray[np.bool_]:
         """(T,) whether a time is in the window."""
         return (self.time >= WINDOW[0] - 1e-9) & (self.time <= WINDOW[1] + 1e-9)
 
@@ -66,7 +67,7 @@ class Swim:
         return float(np.ptp((self.speed - self.average)[self.window]))
 
     @property
-    def means(self) -> np.ndarray:
+    def means(self) -> FloatArray:
         """(periods,) mean speed of each period [m/s]."""
         return self.speed.reshape(-1, self.samples).mean(axis=1)
 
@@ -114,7 +115,7 @@ class Figure9:
             done()
         return cls(tuple(swims[chains]), tuple(swims[FEW_CHAINS]))
 
-    def columns(self) -> dict[str, np.ndarray]:
+    def columns(self) -> dict[str, FloatArray]:
         """Return the data of the figure as columns of equal length."""
         columns = {'time [s]': self.swims[0].time}
         for one in (*self.swims, *self.smooth):

@@ -10,7 +10,7 @@ import os
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
-import numpy as np
+from manta_sim_ros.dynamics import FloatArray
 
 DIGITS = 7
 """Significant digits of numbers in a CSV file."""
@@ -37,7 +37,7 @@ def clear_abandoned(directory: Path) -> None:
             part.unlink()
 
 
-def write_csv(columns: Mapping[str, np.ndarray], path: Path) -> None:
+def write_csv(columns: Mapping[str, FloatArray], path: Path) -> None:
     """Write columns of numbers or texts, of equal length, below their names; NaN becomes an empty cell."""
     with path.open('w', newline='', encoding='utf-8') as file:
         writer = csv.writer(file)

@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator
 import numpy as np
 from scipy.ndimage import uniform_filter1d
 
+from manta_sim_ros.dynamics import FloatArray
 from manta_sim_ros.figures.record import Record
 
 RECURRENCE = 1e-3
@@ -20,7 +21,7 @@ LAST_PART = 4
 
 
 def recurring(
-    periods: Iterator[Record], curve: Callable[[Record], np.ndarray], tolerance: float = RECURRENCE,
+    periods: Iterator[Record], curve: Callable[[Record], FloatArray], tolerance: float = RECURRENCE,
 ) -> tuple[int, Record]:
     """Return the number of periods before `curve` recurs, and the first period after them.
 
@@ -43,7 +44,7 @@ def recurring(
     raise ValueError(f'the motion is not periodic to {tolerance:g} of its range within {MOST_PERIODS} periods')
 
 
-def settled(means: np.ndarray, tolerance: float) -> int | None:
+def settled(means: FloatArray, tolerance: float) -> int | None:
     """Return the period from which means (periods,) stay within `tolerance` of the mean of their last quarter.
 
     The result is None if they do not stay before this quarter begins. `tolerance` is a share of that mean.
@@ -54,16 +55,16 @@ def settled(means: np.ndarray, tolerance: float) -> int | None:
     return begin if begin <= len(means) - _end(means) else None
 
 
-def end_mean(means: np.ndarray) -> float:
+def end_mean(means: FloatArray) -> float:
     """Return the mean of the last quarter of means (periods,)."""
     return float(means[-_end(means):].mean())
 
 
-def _end(means: np.ndarray) -> int:
+def _end(means: FloatArray) -> int:
     return max(1, len(means) // LAST_PART)
 
 
-def period_average(values: np.ndarray, samples: int) -> np.ndarray:
+def period_average(values: FloatArray, samples: int) -> FloatArray:
     """Return the average of values (T, ...) over the period around each sample; NaN where it is not complete."""
     average = uniform_filter1d(values, samples, axis=0)
     average[:samples // 2] = np.nan
@@ -71,11 +72,11 @@ def period_average(values: np.ndarray, samples: int) -> np.ndarray:
     return average
 
 
-def fundamental(values: np.ndarray) -> np.ndarray:
+def fundamental(values: FloatArray) -> FloatArray:
     """Return the complex amplitude c of the fundamental of one period (samples, ...): Re(c exp(i 2 pi t / T))."""
     return np.asarray(2.0 * np.fft.rfft(values, axis=0)[1] / len(values))
 
 
-def lag(first: np.ndarray, second: np.ndarray) -> np.ndarray:
+def lag(first: FloatArray, second: FloatArray) -> FloatArray:
     """Return how far the second of two fundamentals lags behind the first [degrees], within +-180."""
     return np.degrees(np.angle(first * np.conj(second)))

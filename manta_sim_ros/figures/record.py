@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from manta_sim_ros.dynamics import FinCommand, Parameters, Simulator, State
+from manta_sim_ros.dynamics import FinCommand, FloatArray, Parameters, Simulator, State
 
 SAMPLES = 100
 """Samples per flapping period."""
@@ -30,23 +30,23 @@ class Record:
     """Flapping period [s]."""
     samples: int
     """Samples per period."""
-    time: np.ndarray
+    time: FloatArray
     """(T,) time [s]."""
-    position: np.ndarray
+    position: FloatArray
     """(T, 3) in the world frame [m]."""
-    orientation: np.ndarray
+    orientation: FloatArray
     """(T, 4) quaternions x, y, z, w."""
-    twist: np.ndarray
+    twist: FloatArray
     """(T, 6) in F_b [m/s, rad/s]."""
-    fin_wrenches: np.ndarray
+    fin_wrenches: FloatArray
     """(T, 2, 6) [fin] in F_b, about the center of mass [N, N m]."""
-    rod_angles: np.ndarray
+    rod_angles: FloatArray
     """(T, 2, 2) [fin, front or rear] [rad]."""
-    joint_angles: np.ndarray
+    joint_angles: FloatArray
     """(T, 2, n, m) [fin, chain, link] [rad]."""
 
     @property
-    def wrench(self) -> np.ndarray:
+    def wrench(self) -> FloatArray:
         """(T, 6) wrench of both fins on the body in F_b, about the center of mass [N, N m]."""
         return self.fin_wrenches[:, 0] + self.fin_wrenches[:, 1]
 
@@ -55,12 +55,12 @@ class Record:
         """Number of complete periods."""
         return len(self.time) // self.samples
 
-    def by_period(self, values: np.ndarray) -> np.ndarray:
+    def by_period(self, values: FloatArray) -> FloatArray:
         """Return values (T, ...) of all samples as (periods, samples, ...)."""
         return values.reshape(self.periods, self.samples, *values.shape[1:])
 
 
-ARRAYS = tuple(field.name for field in dataclasses.fields(Record) if field.type == 'np.ndarray')
+ARRAYS = tuple(field.name for field in dataclasses.fields(Record) if field.type == 'FloatArray')
 
 
 def flap(parameters: Parameters, left: FinCommand, right: FinCommand, samples: int = SAMPLES) -> Iterator[Record]:
@@ -103,6 +103,6 @@ def joined(records: Iterable[Record]) -> Record:
     return dataclasses.replace(parts[0], **arrays)
 
 
-def stacked(states: list[State], name: str) -> np.ndarray:
+def stacked(states: list[State], name: str) -> FloatArray:
     """Return one field of states as an array with time as its first axis."""
     return np.array([getattr(state, name) for state in states])

@@ -9,7 +9,7 @@ from scipy.interpolate import PchipInterpolator
 from scipy.spatial.transform import Rotation
 
 from manta_sim_ros.body_shape import SECTIONS, body_surface
-from manta_sim_ros.dynamics import Parameters, fin_surfaces
+from manta_sim_ros.dynamics import FloatArray, Parameters, fin_surfaces
 from manta_sim_ros.figures.record import Record
 
 PANEL = np.array([0.0, 0.33, 0.66, 0.95])
@@ -23,26 +23,26 @@ LIGHT = np.array([0.33, 0.24, 0.91])
 """Unit vector toward the light, world frame."""
 
 
-def in_world(record: Record, points: np.ndarray) -> np.ndarray:
+def in_world(record: Record, points: FloatArray) -> FloatArray:
     """Return points (T, ..., 3) [m] in the world frame, given those in F_b at each time of a record."""
     flat = points.reshape(len(points), -1, 3)
     rotated = flat @ Rotation.from_quat(record.orientation).as_matrix().transpose(0, 2, 1)
     return np.asarray((rotated + record.position[:, None]).reshape(points.shape))
 
 
-def faces_of(grid: np.ndarray) -> np.ndarray:
+def faces_of(grid: FloatArray) -> FloatArray:
     """Return the quadrilaterals (..., a - 1, b - 1, 4, 3) between neighbors of a grid of points (..., a, b, 3)."""
     return np.stack(
         [grid[..., :-1, :-1, :], grid[..., 1:, :-1, :], grid[..., 1:, 1:, :], grid[..., :-1, 1:, :]], axis=-2)
 
 
-def body() -> np.ndarray:
+def body() -> FloatArray:
     """Return the faces (27, 28, 4, 3) [m] of the body, in F_b."""
     smooth = PchipInterpolator(np.arange(len(SECTIONS)), SECTIONS)(np.linspace(0.0, len(SECTIONS) - 1.0, 28))
     return faces_of(body_surface(smooth, 29))
 
 
-def fins(parameters: Parameters, nodes: np.ndarray) -> np.ndarray:
+def fins(parameters: Parameters, nodes: FloatArray) -> FloatArray:
     """Return the faces (T, 2, n + 1, 4 + m, 4, 3) [m] of both fins with the panels that the rods sweep, in F_b.
 
     `nodes` (T, 2, n, m + 1, 3) [m] are in F_b. From front to rear, the first and the last faces are the edges, which
@@ -57,7 +57,7 @@ def fins(parameters: Parameters, nodes: np.ndarray) -> np.ndarray:
     return faces_of(np.concatenate([motors + PANEL[:, None] * (roots - motors), chains], axis=-2))
 
 
-def lit(faces: np.ndarray, colors: np.ndarray) -> np.ndarray:
+def lit(faces: FloatArray, colors: FloatArray) -> FloatArray:
     """Return the colors (..., 3) of faces (..., 4, 3) [m] in the world frame, with both their sides lit."""
     normals = np.cross(faces[..., 2, :] - faces[..., 0, :], faces[..., 3, :] - faces[..., 1, :])
     normals /= np.linalg.norm(normals, axis=-1, keepdims=True)
@@ -70,9 +70,9 @@ class Scene:
     """The robot at every time of a record."""
 
     record: Record
-    faces: np.ndarray
+    faces: FloatArray
     """(T, F, 4, 3) of F faces in the world frame [m]."""
-    colors: np.ndarray
+    colors: FloatArray
     """(T, F, 3) red, green, blue."""
     height: float
     """Largest height of a fin in F_b [m], which is the end of the color scale."""

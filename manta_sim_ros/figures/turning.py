@@ -8,7 +8,7 @@ from collections.abc import Callable
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from manta_sim_ros.dynamics import Parameters
+from manta_sim_ros.dynamics import FloatArray, Parameters
 from manta_sim_ros.figures.gaits import FEW_CHAINS, TURNS, robot
 from manta_sim_ros.figures.periodic import end_mean, settled
 from manta_sim_ros.figures.record import Record, record
@@ -32,18 +32,18 @@ class Turn:
         return self.record.parameters.fin.chains
 
     @property
-    def headings(self) -> np.ndarray:
+    def headings(self) -> FloatArray:
         """(T,) direction of the body's x axis in plan view [rad], positive to the left, without jumps."""
         return np.unwrap(Rotation.from_quat(self.record.orientation).as_euler('ZYX')[:, 0])
 
     @property
-    def yaw_rates(self) -> np.ndarray:
+    def yaw_rates(self) -> FloatArray:
         """(periods,) rate of the heading over each period [degrees/s], positive to the left."""
         at_ends = np.concatenate([[0.0], self.headings[self.record.samples - 1::self.record.samples]])
         return np.degrees(np.diff(at_ends)) / self.record.period
 
     @property
-    def speeds(self) -> np.ndarray:
+    def speeds(self) -> FloatArray:
         """(periods,) speed along the path [m/s].
 
         It is the magnitude of the mean velocity of a period, in a frame that turns with the heading, so it does not
@@ -69,7 +69,7 @@ class Turn:
         return float(end_mean(self.speeds) / np.radians(abs(self.turning_rate)))
 
     @property
-    def mean_wrenches(self) -> np.ndarray:
+    def mean_wrenches(self) -> FloatArray:
         """(periods, 6) mean wrench of both fins in each period, in F_b [N, N m]."""
         return np.asarray(self.record.by_period(self.record.wrench).mean(axis=1))
 

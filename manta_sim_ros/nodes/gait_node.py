@@ -47,7 +47,7 @@ class GaitNode(Node):
     Raises
     ------
     ValueError
-        A parameter has a bad value.
+        A parameter has an invalid value.
 
     """
 

@@ -38,7 +38,7 @@ class MonitorNode(Node):
     Raises
     ------
     ValueError
-        A parameter has a bad value.
+        A parameter has an invalid value.
 
     """
 

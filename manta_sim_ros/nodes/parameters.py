@@ -26,7 +26,7 @@ def declare(node: Node) -> Settings:
     Raises
     ------
     ValueError
-        A given value is bad; names it and the bound.
+        A given value is invalid; names it and the bound.
 
     """
     known = Settings.quantities()
@@ -102,7 +102,7 @@ def set_values(settings: Settings, parameters: Iterable[Parameter[Any]]) -> Sett
     Raises
     ------
     ValueError
-        A value is bad; names it and the bound.
+        A value is invalid; names it and the bound.
 
     """
     known = Settings.quantities()

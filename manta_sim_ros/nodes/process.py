@@ -26,7 +26,7 @@ def run_node(
 ) -> None:
     """Make a node, start it, and spin it until it is interrupted or the context is shut down.
 
-    If ROS 2 arguments or a parameter are bad, the process ends with status 1 and one line on standard error.
+    If ROS 2 arguments or a parameter are invalid, the process ends with status 1 and one line on standard error.
     """
     spinning = interrupted = False
 

@@ -59,7 +59,7 @@ def publisher(node: Node, topic: str) -> Publisher[Any]:
     Raises
     ------
     ValueError
-        Such a parameter is bad; names the topic.
+        Such a parameter is invalid; names the topic.
     ModuleNotFoundError
         The package of the topic's message type is not installed.
 
@@ -76,7 +76,7 @@ def subscription(node: Node, topic: str, callback: Callable[[Any], None]) -> Sub
     Raises
     ------
     ValueError
-        Such a parameter is bad; names the topic.
+        Such a parameter is invalid; names the topic.
 
     """
     with _named_errors('subscription', topic):
@@ -100,7 +100,7 @@ def drain(waiting: Subscription[Any]) -> None:
 
 @contextlib.contextmanager
 def _named_errors(entity: str, topic: str) -> Iterator[None]:
-    """Name the topic in an error: rclpy only names the bad value, if at all."""
+    """Name the topic in an error: rclpy only names the invalid value, if at all."""
     try:
         yield
     except (AssertionError, AttributeError, InvalidQosOverridesError, RuntimeError, TypeError) as error:

@@ -29,7 +29,7 @@ class Robot:
     Raises
     ------
     ValueError
-        A value is bad.
+        A value is invalid.
 
     """
 

@@ -146,7 +146,7 @@ class Settings:
         Raises
         ------
         ValueError
-            A value is bad; names it and the bound.
+            A value is invalid; names it and the bound.
 
         """
         groups: dict[str, dict[str, Any]] = {}

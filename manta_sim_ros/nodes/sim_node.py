@@ -43,7 +43,7 @@ class SimNode(Node):
     Raises
     ------
     ValueError
-        A parameter has a bad value.
+        A parameter has an invalid value.
 
     """
 

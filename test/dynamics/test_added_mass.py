@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from evidence.references import equations, pinocchio_tree
-from evidence.references.pinocchio_tree import fin_points
+from evidence.references import equations, mechanism
+from evidence.references.mechanism import fin_points
 from evidence.scenarios import (
     SIZES,
     any_moment,
@@ -16,9 +16,17 @@ from evidence.scenarios import (
 from manta_sim_ros.dynamics import fin_dynamics
 
 ROUNDING = 1e-12  # relative; measured: below 2e-14 in all cases below
-REFERENCES = {'expected': equations.fin_dynamics, 'pinocchio': pinocchio_tree.fin_dynamics}
-of_each_reference = pytest.mark.parametrize('dynamics', REFERENCES.values(), ids=REFERENCES)
-of_each = pytest.mark.parametrize('dynamics', [*REFERENCES.values(), fin_dynamics], ids=[*REFERENCES, 'library'])
+REFERENCES = ['equations', 'pinocchio_tree']
+of_each_reference = pytest.mark.parametrize('dynamics', REFERENCES, indirect=True)
+of_each = pytest.mark.parametrize('dynamics', [*REFERENCES, 'library'], indirect=True)
+
+
+@pytest.fixture
+def dynamics(request):
+    """`fin_dynamics` of a reference or of the library."""
+    if request.param == 'library':
+        return fin_dynamics
+    return pytest.importorskip(f'evidence.references.{request.param}').fin_dynamics
 
 
 def added(parameters, coefficient=1.0, density=1000.0):
@@ -35,7 +43,7 @@ def any_parameters(chains, links):
 
 @pytest.mark.parametrize('side', [0, 1])
 @pytest.mark.parametrize(('chains', 'links'), [(2, 1), (2, 3), (3, 10), (7, 4), (30, 3)])
-def test_the_two_references_agree(chains, links, side):
+def test_the_two_references_agree(chains, links, side, pinocchio_tree):
     for parameters in any_parameters(chains, links):
         moment = any_moment(parameters, seed=300 * chains + 10 * links)
         water_velocity = np.random.default_rng(links).uniform(-1.0, 1.0, 3)
@@ -67,10 +75,10 @@ def test_every_joint_and_the_body_obey_d_alembert_with_the_forces_of_the_added_m
     fin, water, chord = parameters.fin, parameters.water, parameters.rods.support_length
     width, length = chord / chains, fin.span / links
 
-    normals = pinocchio_tree.link_normals(root.value, tip.value)
+    normals = mechanism.link_normals(root.value, tip.value)
     along_normals = np.sum(middle.second * normals, axis=-1, keepdims=True) * normals
     mass_of_water = water.added_mass_density * np.pi / 4.0 * chord**2 * length / chains
-    on_middles = pinocchio_tree.drag_forces(parameters, root.value, tip.value, middle.first) * width
+    on_middles = mechanism.drag_forces(parameters, root.value, tip.value, middle.first) * width
     on_middles -= water.added_mass_coefficient * mass_of_water * along_normals
     half_mass = 0.5 * fin.density * fin.thickness * length * width
     force = on_middles - half_mass * sum(half.second for half in halves)
@@ -78,9 +86,9 @@ def test_every_joint_and_the_body_obey_d_alembert_with_the_forces_of_the_added_m
     assert_close(wrench[:3], force.sum(axis=(0, 1)), 1e-11)  # measured: below 1e-14 of the largest component
     assert_close(wrench[3:], moment.sum(axis=(0, 1)), 1e-11)
 
-    rotation, _ = pinocchio_tree.support_pose(parameters, side, rod_motion)
-    axis = pinocchio_tree.OUTWARD[side] * rotation.value[:, 0]
-    torques = pinocchio_tree.joint_torques(parameters, angles, rates) * width
+    rotation, _ = mechanism.support_pose(parameters, side, rod_motion)
+    axis = mechanism.OUTWARD[side] * rotation.value[:, 0]
+    torques = mechanism.joint_torques(parameters, angles, rates) * width
     for j in range(links):  # all that hangs beyond joint j
         about_joint = moment[:, j:].sum(axis=1) - np.cross(root.value[:, j], force[:, j:].sum(axis=1))
         assert_close(about_joint @ axis, -torques[:, j], 1e-10)  # measured: below 2e-13

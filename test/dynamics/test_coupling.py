@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from evidence.references import equations, pinocchio_tree
+from evidence.references import equations
 from evidence.scenarios import (
     COMMANDS,
     NO_WATER,
@@ -108,7 +108,7 @@ def test_bent_fins_on_held_rods_keep_their_energy_unless_damping_or_water_takes_
         assert np.all(np.diff(energies) < 0.0) and energies[-1] < 0.9 * energies[0]
 
 
-def test_without_water_body_and_fins_keep_their_momentum():
+def test_without_water_body_and_fins_keep_their_momentum(pinocchio_tree):
     base = sized(4, 3, **NO_WATER, rods={'command_time_constant': 0.0})
     tree = pinocchio_tree.swimmer_tree(base)
     errors = []

@@ -6,7 +6,7 @@ import math
 import numpy as np
 import pytest
 
-from evidence.references import equations, pinocchio_tree
+from evidence.references import equations
 from evidence.scenarios import (
     COMMANDS,
     NO_WATER,
@@ -54,7 +54,7 @@ def test_steps_with_a_current_and_wrenches_agree_with_the_reference_implementati
 
 @pytest.mark.parametrize('coupling', [SEQUENTIAL, MONOLITHIC])
 @pytest.mark.parametrize('wrench', [(3.0, -2.0, 1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 0.4, -0.3, 0.2)])
-def test_without_water_the_momentum_of_body_and_fins_grows_by_the_impulse(coupling, wrench):
+def test_without_water_the_momentum_of_body_and_fins_grows_by_the_impulse(coupling, wrench, pinocchio_tree):
     parameters = sized(4, 3, **NO_WATER, solver={'coupling': coupling, 'time_step': 1e-4})
     tree = pinocchio_tree.swimmer_tree(parameters)
     start = dataclasses.replace(any_state(parameters), acceleration=np.zeros(6))

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from evidence.references import equations, pinocchio_tree
+from evidence.references import equations
 from evidence.scenarios import SIZES, any_moment, assert_close, assert_same_dynamics, other_parameters, sized
 from manta_sim_ros.dynamics import fin_dynamics
 from manta_sim_ros.dynamics._kernels.fin import sine_cosine
@@ -22,7 +22,7 @@ def test_fin_dynamics_agree_with_the_reference_implementation(chains, links, sid
 
 @pytest.mark.parametrize('side', [0, 1])
 @pytest.mark.parametrize(('chains', 'links'), SIZES)
-def test_fin_dynamics_agree_with_pinocchio(chains, links, side):
+def test_fin_dynamics_agree_with_pinocchio(chains, links, side, pinocchio_tree):
     for seed, parameters in enumerate([sized(chains, links), other_parameters(chains, links, seed=chains)]):
         moment = any_moment(parameters, seed=200 * chains + 10 * links + seed)
         assert_same_dynamics(

@@ -1,10 +1,9 @@
 """Where the fins are: against Pinocchio's forward kinematics, and by hand."""
 
 import numpy as np
-import pinocchio
 import pytest
 
-from evidence.references.pinocchio_tree import fin_tree, support_pose
+from evidence.references.mechanism import support_pose
 from evidence.scenarios import sized
 from manta_sim_ros.dynamics import Parameters, fin_surfaces
 
@@ -18,11 +17,12 @@ def random_angles(parameters, seed, *times):
     return random.uniform(-0.5, 0.5, (*times, 2, 2)), random.uniform(-1.0, 1.0, joints)
 
 
-def tree_nodes(parameters, side, rod_angles, joint_angles):
+def tree_nodes(model, parameters, side, rod_angles, joint_angles):
     """Nodes (n, m + 1, 3) [m] of one fin in F_b, from the joints' and tips' placements in its Pinocchio tree."""
+    import pinocchio
+
     rotation, position = support_pose(parameters, side, np.column_stack([rod_angles, np.zeros((2, 2))]))
     support = pinocchio.SE3ToXYZQUAT(pinocchio.SE3(rotation.value, position.value))
-    model = fin_tree(parameters, side)
     data = model.createData()
     pinocchio.framesForwardKinematics(model, data, np.concatenate([support, joint_angles.ravel()]))
     chains, links = joint_angles.shape
@@ -36,10 +36,11 @@ def tree_nodes(parameters, side, rod_angles, joint_angles):
 
 @pytest.mark.parametrize('side', [0, 1])
 @pytest.mark.parametrize(('chains', 'links'), [(2, 1), (7, 6), (30, 3)])
-def test_nodes_are_where_the_forward_kinematics_of_pinocchio_has_them(side, chains, links):
+def test_nodes_are_where_the_forward_kinematics_of_pinocchio_has_them(side, chains, links, pinocchio_tree):
     parameters = sized(chains, links)
     rod_angles, joint_angles = random_angles(parameters, seed=100 * chains + links)
-    expected = tree_nodes(parameters, side, rod_angles[side], joint_angles[side])
+    expected = tree_nodes(
+        pinocchio_tree.fin_tree(parameters, side), parameters, side, rod_angles[side], joint_angles[side])
     nodes = fin_surfaces(parameters, rod_angles, joint_angles)
     assert nodes.shape == (2, chains, links + 1, 3)
     np.testing.assert_allclose(nodes[side], expected, rtol=0.0, atol=ROUNDING)

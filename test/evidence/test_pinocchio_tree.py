@@ -2,24 +2,23 @@
 
 import dataclasses
 
-import mujoco
 import numpy as np
-import pinocchio
 import pytest
 
-from evidence.references.mujoco_tree import swimmer_model
-from evidence.references.pinocchio_tree import (
+from evidence.references.mechanism import (
     OUTWARD,
     drag_forces,
-    fin_dynamics,
     fin_points,
-    fin_tree,
     joint_torques,
     support_motion,
     support_pose,
-    swimmer_tree,
 )
 from manta_sim_ros.dynamics import Parameters
+
+mujoco = pytest.importorskip('mujoco')
+pinocchio = pytest.importorskip('pinocchio')
+mujoco_tree = pytest.importorskip('evidence.references.mujoco_tree')
+pinocchio_tree = pytest.importorskip('evidence.references.pinocchio_tree')
 
 AT_REST = np.zeros(6)
 ROUNDING = 1e-11  # relative; sums of some hundred terms and an m x m solve stay two orders below it
@@ -55,7 +54,7 @@ def test_every_joint_and_the_body_obey_d_alembert_on_the_fins_mass_points(side, 
     # whose accelerations are exact derivatives of their positions, and needs no multibody algorithm.
     parameters = sized(chains, links)
     rod_motion, angles, rates, *_ = state = random_state(parameters, seed=10 * chains + links + side)
-    joint_accelerations, wrench = fin_dynamics(parameters, side, *state)
+    joint_accelerations, wrench = pinocchio_tree.fin_dynamics(parameters, side, *state)
     motion = (parameters, side, state, joint_accelerations)
     root, tip, middle = (fin_points(*motion, part) for part in (0.0, 1.0, 0.5))
     width, length = parameters.rods.support_length / chains, parameters.fin.span / links
@@ -80,8 +79,8 @@ def test_one_link_in_water_accelerates_as_computed_by_hand():
     # Equal rods at rest hold the support parallel to the body; both chains alike, so the normal is across the link.
     parameters = sized(2, 1, rods={'front_radius': 0.2, 'rear_radius': 0.2})
     fin, rods, angle, rate = parameters.fin, parameters.rods, 0.3, 2.0
-    acceleration, wrench = fin_dynamics(parameters, 0, np.zeros((2, 3)), np.full((2, 1), angle), np.full((2, 1), rate),
-                                        AT_REST, AT_REST)
+    acceleration, wrench = pinocchio_tree.fin_dynamics(
+        parameters, 0, np.zeros((2, 3)), np.full((2, 1), angle), np.full((2, 1), rate), AT_REST, AT_REST)
     length, mass = fin.span, fin.density * fin.thickness * fin.span  # per meter of chord, as the forces below
     drag = 0.5 * parameters.water.density * fin.drag_coefficient * length * (rate * length / 2.0)**2
     joint = (-2.0 * bending_stiffness(parameters) * np.tan(angle / 2.0) / np.cos(angle / 2.0)**2
@@ -156,7 +155,7 @@ def test_support_motion_is_the_difference_quotient_of_its_pose(side):
 
 def test_a_fin_without_losses_keeps_its_energy():
     parameters = sized(2, 2, water={'density': 0.0}, fin={'joint_damping': 0.0})
-    model = fin_tree(parameters)
+    model = pinocchio_tree.fin_tree(parameters)
     data = model.createData()
     width = parameters.rods.support_length / 2
 
@@ -166,7 +165,8 @@ def test_a_fin_without_losses_keeps_its_energy():
         return kinetic + width * 2.0 * bending_stiffness(parameters) * np.sum(np.tan(angles / 2.0)**2)
 
     def change(state):
-        return np.stack([state[1], fin_dynamics(parameters, 0, np.zeros((2, 3)), *state, AT_REST, AT_REST)[0]])
+        accelerations, _ = pinocchio_tree.fin_dynamics(parameters, 0, np.zeros((2, 3)), *state, AT_REST, AT_REST)
+        return np.stack([state[1], accelerations])
 
     def drift(steps):
         state, step = np.array([[[0.4, -0.2], [0.1, 0.5]], [[3.0, -4.0], [0.0, 10.0]]]), 0.02 / steps
@@ -189,7 +189,7 @@ def test_a_fin_without_losses_keeps_its_energy():
 @pytest.mark.parametrize(('chains', 'links'), [(2, 1), (30, 3)])
 def test_a_fin_has_its_freedoms_and_its_mass(side, chains, links):
     parameters = sized(chains, links)
-    model = fin_tree(parameters, side)
+    model = pinocchio_tree.fin_tree(parameters, side)
     assert (model.nq, model.nv) == (7 + chains * links, 6 + chains * links)
     mass = parameters.fin.density * parameters.fin.thickness * parameters.fin.span * parameters.rods.support_length
     assert pinocchio.computeTotalMass(model) == pytest.approx(mass, rel=1e-12)
@@ -200,7 +200,7 @@ def test_a_fin_has_its_freedoms_and_its_mass(side, chains, links):
 
 def test_the_swimmer_is_a_body_that_carries_both_fins():
     parameters = Parameters()
-    swimmer, count = swimmer_tree(parameters), parameters.fin.chains * parameters.fin.links
+    swimmer, count = pinocchio_tree.swimmer_tree(parameters), parameters.fin.chains * parameters.fin.links
     assert swimmer.nv == 186
     angles = np.random.default_rng(3).uniform(-0.5, 0.5, (2, count))
 
@@ -211,7 +211,7 @@ def test_the_swimmer_is_a_body_that_carries_both_fins():
     whole = inertia(swimmer, *angles)
     base = np.diag([parameters.body.mass] * 3 + list(parameters.body.inertia))
     for side in 0, 1:
-        alone = inertia(fin_tree(parameters, side), angles[side])
+        alone = inertia(pinocchio_tree.fin_tree(parameters, side), angles[side])
         joints = slice(6 + side * count, 6 + (side + 1) * count)
         np.testing.assert_allclose(whole[joints, joints], alone[6:, 6:], atol=1e-14)
         support = support_motion(parameters, side, np.zeros((2, 3)), AT_REST, AT_REST)
@@ -223,7 +223,7 @@ def test_the_swimmer_is_a_body_that_carries_both_fins():
 
 def test_mujocos_swimmer_is_the_same_tree():
     parameters = Parameters()
-    tree, model = swimmer_tree(parameters), swimmer_model(parameters, time_step=0.002)
+    tree, model = pinocchio_tree.swimmer_tree(parameters), mujoco_tree.swimmer_model(parameters, time_step=0.002)
     assert model.nv == tree.nv == 186
     assert model.opt.integrator == mujoco.mjtIntegrator.mjINT_RK4
     data, random = mujoco.MjData(model), np.random.default_rng(4)

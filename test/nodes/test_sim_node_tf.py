@@ -9,7 +9,7 @@ from nav_msgs.msg import Odometry
 from rosgraph_msgs.msg import Clock
 
 INSTALLED = importlib.util.find_spec('tf2_msgs') is not None
-MISSING = 'no transform is published: tf2_msgs is not installed'
+MISSING = 'no transform is published, as tf2_msgs is not installed'
 STAND_IN = '''
 from geometry_msgs.msg import TransformStamped
 

@@ -7,12 +7,11 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 import numpy as np
-import pinocchio
 import pytest
 import xacro
 import yaml
 
-from evidence.references.pinocchio_tree import OUTWARD
+from evidence.references.mechanism import OUTWARD
 from evidence.scenarios import SWIM, TURN
 from manta_sim_ros.dynamics import FinCommand, Parameters, Simulator, fin_surfaces, support_angles
 from manta_sim_ros.dynamics._kernels.layout import stations
@@ -44,11 +43,14 @@ def written(parameters, folder):
 
 def model_of(text):
     """Return Pinocchio's model: a free-flyer at the body frame, the mimic joint following its rod."""
+    pinocchio = pytest.importorskip('pinocchio')
     return pinocchio.buildModelFromXML(text, pinocchio.JointModelFreeFlyer(), True)
 
 
 def placements(model, parameters, rod_angles):
     """Return {link: placement in F_b} with the rods at `rod_angles` (2, 2) [fin, front or rear] [rad]."""
+    import pinocchio
+
     q = pinocchio.neutral(model)
     for side, rods, theta, beta in zip(SIDES, rod_angles, *support_angles(parameters, rod_angles)):
         angles = {'front_rod': rods[0], 'rear_rod': rods[1], 'support_yaw': theta, 'support_pitch': beta}

@@ -20,7 +20,7 @@ logger = logging.getLogger('manta_sim_ros')
 class _DistinctArrays(CompilerBase):
     """Numba's own pipeline, told that the array arguments of a kernel never overlap.
 
-    Without that the compiler must prove it at run time, which it gives up on beyond a few arrays: the loops over
+    Without that the compiler must check it at run time, which it gives up beyond a few arrays: the loops over
     chains then stay scalar, at half the speed.
     """
 
