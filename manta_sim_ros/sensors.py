@@ -104,11 +104,12 @@ def read_imu(imu: Imu, parameters: Parameters, state: State) -> ImuReading:
     noise = _noise(imu.seed, IMU_STREAM, state.time, 9)
     attitude = Rotation.from_quat(state.orientation)
     up = attitude.as_matrix()[2]  # the world's z axis in F_b
-    velocity, omega = state.twist[:3], state.twist[3:]
-    specific_force = state.acceleration[:3] + np.cross(omega, velocity) + parameters.body.gravity * up
+    (vx, vy, vz), (wx, wy, wz) = state.twist[:3].tolist(), state.twist[3:].tolist()
+    turning = np.array((wy * vz - wz * vy, wz * vx - wx * vz, wx * vy - wy * vx))  # Omega x V; numpy.cross costs 20 us
+    specific_force = state.acceleration[:3] + turning + parameters.body.gravity * up
     return ImuReading(
         orientation=(attitude * Rotation.from_rotvec(imu.orientation_noise * noise[6:])).as_quat(),
-        angular_velocity=omega + imu.angular_velocity_bias + imu.angular_velocity_noise * noise[3:6],
+        angular_velocity=state.twist[3:] + imu.angular_velocity_bias + imu.angular_velocity_noise * noise[3:6],
         specific_force=specific_force + imu.acceleration_bias + imu.acceleration_noise * noise[:3],
     )
 

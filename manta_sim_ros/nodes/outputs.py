@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import time
+from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
@@ -59,9 +60,7 @@ class Outputs:
         self._markers = Markers(PATH_LENGTH)
         self._transforms = _transform_publisher(node) if settings().node.publish_tf else None
         self._clock = publisher(node, '/clock') if settings().node.publish_clock else None
-        self._publishers = [
-            self._pose, self._twist, self._odometry, self._wrench, *self._fin_wrenches, self._imu, self._pressure,
-            self._joint_states, self._fin_markers, *filter(None, [self._transforms, self._clock])]
+        self._queued: Counter[Publisher[Any]] = Counter()  # messages without a receipt
         self._transformed_at: Time | None = None  # tf2 takes one transform per stamp, and a slow /clock repeats stamps
         self._before: State | None = None
 
@@ -84,17 +83,30 @@ class Outputs:
     def publish_all(self, states: Iterable[State]) -> None:
         """Publish the outputs of consecutive states at once, without losing a message.
 
-        Whenever the queues of `QUEUE_DEPTH` messages are full, this waits until all reliable subscribers have received
-        them. If that takes longer than `PATIENCE` once, it does not wait any more.
+        Whenever the queue of a publisher may be full, with `QUEUE_DEPTH` messages, this waits until all reliable
+        subscribers have received them. If that takes longer than `PATIENCE` once, it does not wait any more. It does
+        not wait for a queue that is not full: Fast DDS asks for receipts when it is full, but otherwise only every 3 s.
         """
-        waiting = True
-        for number, state in enumerate(states, start=1):
+        for each in list(self._queued):
+            if each.wait_for_all_acked(Duration()):
+                del self._queued[each]
+        waiting = self._wait_for_room()
+        for state in states:
             self.publish(state)
-            if number % QUEUE_DEPTH == 0 and waiting:
-                deadline = time.monotonic() + PATIENCE
-                waiting = all(
-                    each.wait_for_all_acked(Duration(seconds=max(0.0, deadline - time.monotonic())))
-                    for each in self._publishers)
+            waiting = waiting and self._wait_for_room()
+
+    def _wait_for_room(self) -> bool:
+        """Wait for the receipts of publishers with a full queue; return False if that takes too long."""
+        deadline = time.monotonic() + PATIENCE
+        for full in [each for each, count in self._queued.items() if count >= QUEUE_DEPTH]:
+            if not full.wait_for_all_acked(Duration(seconds=max(0.0, deadline - time.monotonic()))):
+                return False
+            del self._queued[full]
+        return True
+
+    def _send(self, to: Publisher[Any], message: Any) -> None:
+        to.publish(message)
+        self._queued[to] += 1
 
     def publish(self, state: State) -> None:
         """Publish all outputs of a state that are due, then the clock."""
@@ -102,28 +114,28 @@ class Outputs:
         model, own = settings.model, settings.node
         odom, base = messages.header(stamp, own.odom_frame), messages.header(stamp, own.base_frame)
         pose, twist = messages.pose_message(state, odom), messages.twist_message(state, base)
-        self._pose.publish(pose)
-        self._twist.publish(twist)
-        self._odometry.publish(messages.odometry_message(pose, twist))
-        self._wrench.publish(messages.wrench_message(state.wrench, base))
+        self._send(self._pose, pose)
+        self._send(self._twist, twist)
+        self._send(self._odometry, messages.odometry_message(pose, twist))
+        self._send(self._wrench, messages.wrench_message(state.wrench, base))
         for of_fin, wrench in zip(self._fin_wrenches, state.fin_wrenches, strict=True):
-            of_fin.publish(messages.wrench_message(wrench, base))
-        self._imu.publish(messages.imu_message(read_imu(settings.imu, model, state), settings.imu, base))
-        self._pressure.publish(messages.pressure_message(
+            self._send(of_fin, messages.wrench_message(wrench, base))
+        self._send(self._imu, messages.imu_message(read_imu(settings.imu, model, state), settings.imu, base))
+        self._send(self._pressure, messages.pressure_message(
             read_pressure(settings.pressure, model, state), settings.pressure.noise, base))
         if self._transforms is not None and stamp != self._transformed_at:
             transform = messages.transform_message(pose, own.base_frame)
-            self._transforms.publish(self._transforms.msg_type(transforms=[transform]))
+            self._send(self._transforms, self._transforms.msg_type(transforms=[transform]))
             self._transformed_at = stamp
         if self._was_put(state):
             self._markers.forget()
         if self._due(state, own.joint_state_rate):
             names = messages.joint_names(model, own.publish_fin_joints)
-            self._joint_states.publish(messages.joint_state_message(state, model, names, base))
+            self._send(self._joint_states, messages.joint_state_message(state, model, names, base))
         if self._due(state, own.marker_rate):
             self._show(state, odom, base)
         if self._clock is not None:
-            self._clock.publish(messages.clock_message(stamp))
+            self._send(self._clock, messages.clock_message(stamp))
         self._before = state
 
     def _was_put(self, state: State) -> bool:
@@ -141,8 +153,8 @@ class Outputs:
     def _show(self, state: State, odom: Header, base: Header) -> None:
         """Publish the markers if there is a subscriber."""
         if self._fin_markers.get_subscription_count():
-            self._fin_markers.publish(
-                self._markers.message(state, self._settings().model, base, odom, self._mean_current()))
+            self._send(self._fin_markers, self._markers.message(
+                state, self._settings().model, base, odom, self._mean_current()))
         else:
             self._markers.forget()
 

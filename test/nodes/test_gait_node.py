@@ -50,7 +50,7 @@ def robot(probe):
         yield robot
 
 
-def test_by_default_it_swims_straight_then_turns_right_then_begins_anew(launch, robot):
+def test_by_default_it_swims_straight_then_turns_right_then_begins_again(launch, robot):
     launch('gait_node', '-p use_sim_time:=true -p durations:=[1.0,1.0]')
     robot.until(lambda: robot.commands, 'a first command')
     assert robot.latest == STRAIGHT
@@ -71,7 +71,7 @@ def test_without_repeat_the_last_gait_stays(launch, robot):
     assert all(list(command.data) == TURN for command in robot.commands[turned:])
 
 
-def test_with_a_simulator_that_starts_again_it_begins_anew(launch, robot):
+def test_with_a_simulator_that_starts_again_it_begins_again(launch, robot):
     robot.time = 100_000
     launch('gait_node', '-p use_sim_time:=true -p durations:=[3.0,1000.0]')
     robot.until(lambda: robot.latest == TURN, 'the turn')

@@ -334,7 +334,7 @@ def test_the_path_is_never_longer_than_it_may_be(distance):
     assert longest > PATH_LENGTH - max(PATH_SPACING + distance, distance)
 
 
-def test_a_forgotten_path_begins_anew():
+def test_a_forgotten_path_begins_again():
     maker, parameters = Markers(PATH_LENGTH), Parameters()
     drawn(at(0.0, 0.0, 0.0), parameters, maker)
     assert len(drawn(at(0.5, 0.0, 0.0), parameters, maker)['path', 0].points) == 2

@@ -35,7 +35,7 @@ def test_a_new_pose_ends_a_wrench_that_would_go_on(lines):
     np.testing.assert_array_equal(state.position, (1.0, 2.0, 3.0))
 
 
-def test_the_water_goes_on_as_it_is_at_a_new_pose_and_begins_anew_at_a_reset(lines):
+def test_the_water_goes_on_as_it_is_at_a_new_pose_and_begins_again_at_a_reset(lines):
     robot = made(lines, *VARYING)
     for _ in range(5):
         before = robot.tick().current_deviation

@@ -1,4 +1,4 @@
-"""The markers on the topic: of the state that its stamp says, at their rate; the path begins anew after a reset."""
+"""The markers on the topic: of the state that its stamp says, at their rate; the path begins again after a reset."""
 
 import numpy as np
 import pytest
@@ -75,7 +75,7 @@ def test_the_load_is_that_of_the_current_on_the_topic(robot):
     assert robot.set_parameter('step_duration', 0.5).successful
 
 
-def test_the_path_grows_as_it_swims_and_begins_anew_after_a_reset(robot):
+def test_the_path_grows_as_it_swims_and_begins_again_after_a_reset(robot):
     assert robot.trigger('reset').success
     robot.command(SWIM)
     assert robot.set_parameter('step_duration', 3.0).successful
