@@ -6,6 +6,7 @@ The handlers are set before the imports, which take a second or two.
 from __future__ import annotations
 
 import importlib
+import importlib.util
 import os
 import signal
 import sys
@@ -33,17 +34,23 @@ def monitor_node() -> None:
 
 def paper_figures() -> None:
     """Draw the figures of the paper."""
-    _run('figures.command', NEEDS_FIGURES, interrupted=130)
+    _run('figures.command', NEEDS_FIGURES, packages=('matplotlib', 'PIL', 'tqdm'), interrupted=130)
 
 
-def _run(module: str, needs: str, interrupted: int = 0) -> None:
-    """Run `main` of a module; a package that is missing ends the process with one line that names what is needed."""
+def _run(module: str, needs: str, packages: tuple[str, ...] = (), interrupted: int = 0) -> None:
+    """Run `main` of a module; a package that is missing ends the process with one line that says what is needed.
+
+    `packages` are those that the module imports only when it needs them.
+    """
     def end(signum: int, frame: FrameType | None) -> None:
         os._exit(interrupted)  # nothing has begun yet; `main` sets its own handlers
 
     for ending in (signal.SIGINT, signal.SIGTERM):
         signal.signal(ending, end)
     try:
+        for package in packages:
+            if importlib.util.find_spec(package) is None:
+                raise ModuleNotFoundError(name=package)
         main = importlib.import_module(f'manta_sim_ros.{module}').main
     except ModuleNotFoundError as error:
         name = os.path.basename(sys.argv[0])

@@ -1,14 +1,14 @@
 #!/usr/bin/env bash
-# Check the sources: package.xml, ruff, mypy. Runs all, exit status 1 if any complains.
+# Check the sources with all of: package.xml, ruff, mypy. The exit status is 1 if one of them fails.
 cd "$(dirname "${BASH_SOURCE[0]}")/.." || exit
-unset PYTHONPATH  # the sources are checked, not the installed copy
+unset PYTHONPATH  # check the sources, not the installed copy
 failed=()
 
 check_package_xml() {
   if command -v xmllint >/dev/null; then
     xmllint --noout package.xml || return
   else
-    echo 'xmllint is not installed: parsed by catkin_pkg alone'
+    echo 'xmllint is not installed: only catkin_pkg parses package.xml'
   fi
   python - <<'PYTHON'
 from catkin_pkg.package import parse_package

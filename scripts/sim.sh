@@ -2,17 +2,17 @@
 # Run the built sim_node, gait_node and monitor_node as separate processes until Ctrl-C, SIGTERM or the end of DURATION.
 #
 # Needs a sourced environment: scripts/setup.sh -- scripts/sim.sh does that. Exit status 0, or 1 if a node failed.
-set -um  # with job control each node has its own process group: Ctrl-C reaches this script alone, which ends the nodes
+set -um  # with job control each node has its own process group: Ctrl-C reaches only this script, which ends the nodes
 
 say() { printf '%s\n' "manta_sim_ros: $*"; }
 fail() { stop; say "$*" >&2; exit 1; }
 
-# End what still runs: SIGTERM to each node, once a second, and SIGKILL to one that is still there after ten. (rclpy
-# loses a signal that comes while it starts.)
+# End the nodes that still run: SIGTERM once a second, and SIGKILL after ten seconds. (rclpy loses a signal that comes
+# while it starts.)
 stop() {
   local running tenth
   trap '' INT TERM HUP
-  exec 3>&2 2>/dev/null  # no notices of the shell about ended jobs
+  exec 3>&2 2>/dev/null  # without the messages of the shell about ended jobs
   for tenth in {1..100}; do
     running=$(jobs -pr)
     [ -n "$running" ] || break
@@ -20,7 +20,7 @@ stop() {
     sleep 0.1
   done
   running=$(jobs -pr)
-  [ -z "$running" ] || { say "not ended by SIGTERM, killed:" $running >&3; kill -KILL $running; }
+  [ -z "$running" ] || { say "killed, as SIGTERM did not end them:" $running >&3; kill -KILL $running; }
   wait
   exec 2>&3 3>&-
 }
@@ -31,13 +31,13 @@ programs=$prefix/lib/manta_sim_ros
 
 monitor_arguments=(-p use_sim_time:=true)
 if [ -n "${DURATION:-}" ]; then
-  [[ $DURATION =~ ^[0-9]+(\.[0-9]+)?$ ]] || fail "DURATION=$DURATION is no number of seconds"
-  [[ $DURATION =~ [1-9] ]] || fail "DURATION=$DURATION must be greater than 0"
+  [[ $DURATION =~ ^[0-9]+(\.[0-9]+)?$ ]] || fail "DURATION is $DURATION, but must be a number of seconds"
+  [[ $DURATION =~ [1-9] ]] || fail "DURATION is $DURATION, but must be greater than 0"
   [[ $DURATION == *.* ]] || DURATION+=.0
   monitor_arguments+=(-p "duration:=$DURATION")
 fi
 
-say "ROS_DOMAIN_ID=${ROS_DOMAIN_ID:-0} (export it in another terminal to look on or to steer), Ctrl-C ends it"
+say "ROS_DOMAIN_ID=${ROS_DOMAIN_ID:-0} (export it in another terminal to watch or to command the robot); Ctrl-C ends it"
 trap 'stop; exit 0' INT TERM HUP
 "$programs/sim_node" --ros-args --params-file "$prefix/share/manta_sim_ros/config/manta.yaml" &
 sim=$!
@@ -50,13 +50,13 @@ running() { kill -0 "$1" 2>/dev/null; }
 watched=("$sim" "$gait" "$monitor")
 while :; do
   wait -n "${watched[@]}"
-  running "$sim" || { wait "$sim"; fail "sim_node ended early with exit status $?"; }
+  running "$sim" || { wait "$sim"; fail "sim_node ended with exit status $?"; }
   if ! running "$monitor"; then
     wait "$monitor" || fail "monitor_node ended with exit status $?"
     stop
     exit 0
   fi
-  if ! running "$gait"; then  # it may have come to the end of its list
+  if ! running "$gait"; then  # its list may have ended
     wait "$gait" || fail "gait_node ended with exit status $?"
     watched=("$sim" "$monitor")
   fi

@@ -113,6 +113,8 @@ def rules(responses: Sequence[Response]) -> str:
         f'Amplitude and frequency set the thrust and so the speed. A negative phase reverses it: {back.speed:.2f} m/s.',
         'The robot turns to the side of the weaker fin. With a smaller phase or a smaller amplitude on the right it '
         f'turns to the right, with {phase.yaw_rate:.1f} and {amplitude.yaw_rate:.1f}°/s.',
+        'In turns, the fins of the paper show the chordwise instability, and the yaw rate depends on `fin.chains` '
+        '([Model](model.md)).',
         f'Biases set the incidence of the fins. A positive front bias lifts the robot with {lift.climb:.3f} m/s. '
         f'Opposite front biases roll it by {roll.roll:.1f}°. The buoyancy restores pitch and roll.',
     ))
