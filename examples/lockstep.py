@@ -52,5 +52,6 @@ def main():
 
 
 if __name__ == '__main__':
-    with rclpy.init():
-        main()
+    rclpy.init()
+    main()
+    rclpy.shutdown()

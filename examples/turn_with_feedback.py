@@ -47,8 +47,8 @@ class HeadingController(Node):
 
 
 if __name__ == '__main__':
+    rclpy.init()
     try:
-        with rclpy.init():
-            rclpy.spin(HeadingController())
+        rclpy.spin(HeadingController())
     except (KeyboardInterrupt, ExternalShutdownException):
         pass

@@ -42,18 +42,19 @@ def test_turn_with_feedback_turns_to_the_heading_and_holds_it(launch, probe):
     launch('sim_node', '-p real_time_factor:=8.0')
     odometry = probe.record(Odometry, 'odom')
 
-    def heading(message):
+    def is_held(message):
         q = message.pose.pose.orientation
-        return 2.0 * math.atan2(q.z, q.w)
+        return abs(2.0 * math.atan2(q.z, q.w) - DESIRED) < 0.1
 
     controller = subprocess.Popen(
         [sys.executable, EXAMPLES / 'turn_with_feedback.py', '--ros-args', '-p', 'use_sim_time:=true',
          '-p', f'heading:={DESIRED}'], stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True, env=os.environ)
     try:
-        probe.until(lambda: len(odometry) > HELD and all(
-            abs(heading(message) - DESIRED) < 0.1 for message in odometry[-HELD:]), 'the heading, held')
+        probe.until(lambda: controller.poll() is not None or (
+            len(odometry) > HELD and all(is_held(message) for message in odometry[-HELD:])), 'the heading, held')
     finally:
         controller.terminate()
         _, errors = controller.communicate(timeout=LIMIT)
     assert controller.returncode == 0, errors
+    assert is_held(odometry[-1])
     assert re.search(r'heading -?0\.\d\d rad', errors)
