@@ -126,7 +126,8 @@ def rods_of(parameters, state, side, elapsed=0.0):
 
 def mirrored(state):
     """Return the state mirrored at the plane y = 0. Adding 0 changes only -0, which becomes +0."""
-    exchanged = ('joint_angles', 'joint_rates', 'rod_angles', 'gait', 'gait_rates', 'gait_commands', 'cycle_angles')
+    exchanged = ('joint_angles', 'joint_rates', 'rod_angles', 'gait', 'gait_rates', 'gait_commands', 'cycle_angles',
+                 'rod_rates', 'rod_torques')
     return dataclasses.replace(
         state, position=state.position * MIRROR[:3] + 0.0, orientation=state.orientation * MIRROR_QUATERNION + 0.0,
         twist=state.twist * MIRROR + 0.0, acceleration=state.acceleration * MIRROR + 0.0,

@@ -43,6 +43,9 @@ class StraightFins(NamedTuple):
     inertia: FloatArray  # M (m, m) [kg m]
     damping: FloatArray  # c (m, m) [N s]
     stiffness: float  # K of each joint, EI / dl [N]
+    twist: FloatArray  # L^T L (m, m), of joint angles: squares of the links' angles
+    twist_stiffness: float  # G h^3 dl / (3 ds^2) of two chains that turn against each other [N]
+    twist_damping: float  # c_t dl / ds^2 [N s]
     drag: float  # rho C_D dl / 2 [kg/m^2]
     mass: float  # of a link along its normal, added mass included [kg/m]
     chord: float  # length of the support that a station represents [m]
@@ -58,7 +61,7 @@ def straight_fins(parameters: Parameters) -> StraightFins:
     fin, links = constants(parameters).fin, parameters.fin.links
     dl, link_mass, added = fin.link_length, fin.link_mass, fin.added_mass
     roots = dl * np.arange(links, dtype=np.float64)
-    middles = roots + 0.5 * dl
+    middles, sums = roots + 0.5 * dl, np.tri(links)
     offset = dl / math.sqrt(12.0)
     halves = np.concatenate([middles - offset, middles + offset])  # a thin rod as two points
     normal, halves_normal = (np.maximum(0.0, points[:, None] - roots) for points in (middles, halves))
@@ -68,12 +71,25 @@ def straight_fins(parameters: Parameters) -> StraightFins:
     body = motion[..., 2, :]
     return StraightFins(
         normal=normal, inertia=inertia, damping=fin.damping * np.eye(links), stiffness=0.5 * fin.stiffness,
+        twist=sums.T @ sums, twist_stiffness=fin.twist_stiffness, twist_damping=fin.twist_damping,
         drag=fin.drag, mass=link_mass + added, chord=chord, station=station, body=body,
         coupling=0.5 * link_mass * halves_normal.T @ halves_motion[0, ..., 2, :] + added * normal.T @ body[0],
         rigid=chord * (
             0.5 * link_mass * np.einsum('fspxa,fspxb->ab', halves_motion, halves_motion)
             + added * np.einsum('fspa,fspb->ab', body, body)),
     )
+
+
+def body_inertia(parameters: Parameters) -> FloatArray:
+    """Return the inertia (6,) [kg, kg m^2] of the body with its added mass."""
+    body = parameters.body
+    return np.array((body.mass,) * 3 + body.inertia) + body.added_mass
+
+
+def body_damping(parameters: Parameters, speeds: FloatArray) -> FloatArray:
+    """Return the slope (6,) [N s/m, N m s] of the damping of the body at speeds (6,) [m/s, rad/s], drag (34) left out."""
+    body = parameters.body
+    return np.add(body.linear_damping, (0.0, 0.0, 0.0, *body.angular_damping)) + 2.0 * speeds * body.quadratic_damping
 
 
 def _point_motion(parameters: Parameters, station: FloatArray, span: FloatArray) -> FloatArray:
@@ -96,23 +112,27 @@ def _point_motion(parameters: Parameters, station: FloatArray, span: FloatArray)
 
 def gait_motion(
     parameters: Parameters, fins: StraightFins, commands: tuple[FinCommand, FinCommand],
-) -> tuple[FloatArray, FloatArray]:
-    """Return amplitudes of normal speeds [m/s] and joint angles [rad] of a chain (m,), the largest of all chains.
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return amplitudes of normal speeds [m/s] and joint angles [rad] of a chain (m,), and of the body's twist (6,).
 
-    Harmonic balance of fins and body, driven by the heave of the supports at the frequency of each fin.
+    The first two are the largest of all chains. Harmonic balance of fins and body, driven by the heave of the supports
+    at the frequency of each fin.
     """
     body, m = parameters.body, parameters.fin.links
     J, B = fins.normal, fins.body
     driven = _support_heave(parameters, fins, commands)
-    speeds, angles, heave = sum((0.5 * np.abs(drive) for drive in driven.values()), np.zeros(B.shape[:3])), 0.0, 0.0
-    righting = body.mass * body.gravity * body.buoyancy_center[2]
-    heave_drag = 0.5 * SAME_WORK * parameters.water.density * body.drag_area[2] * body.drag_coefficient[2]
+    speeds = sum((0.5 * np.abs(drive) for drive in driven.values()), np.zeros(B.shape[:3]))
+    angles, twist = np.zeros(B.shape[:3]), np.zeros(6)
+    own = body_inertia(parameters)
+    righting = (body.mass * body.gravity + body.net_buoyancy) * body.buoyancy_center[2]
+    drag_of_body = SAME_WORK * np.array(body.quadratic_damping)
+    drag_of_body[2] += 0.5 * SAME_WORK * parameters.water.density * body.drag_area[2] * body.drag_coefficient[2]
     for _ in range(ITERATIONS):
         drag = SAME_WORK * fins.drag * speeds
         half = np.tan(0.5 * np.minimum(angles, STEEPEST_BEND))
         stiffness = fins.stiffness * (1.0 + half * half)  # (14), nearly its secant
         damping = fins.damping + J.T @ (drag[..., None] * J)
-        squares = np.zeros((3, *B.shape[:3]))
+        squares, twist_squares = np.zeros((2, *B.shape[:3])), np.zeros(6)
         for frequency, drive in driven.items():
             resistance = (drag + 1j * frequency * fins.mass)[..., None]
             joints = damping + 1j * frequency * fins.inertia
@@ -125,18 +145,17 @@ def gait_motion(
             motions = np.ones(1, dtype=complex)
             if not parameters.solver.fixed_base:
                 forces = fins.chord * np.tensordot(B, resistance * normal, axes=((0, 1, 2), (0, 1, 2)))
-                rigid = 1j * frequency * np.diag((body.mass,) * 3 + body.inertia)
-                rigid[2, 2] += heave_drag * heave
+                rigid = 1j * frequency * np.diag(own) + np.diag(body.linear_damping + drag_of_body * twist)
                 for axis in (3, 4):
                     rigid[axis, axis] += body.angular_damping[axis - 3] + righting / (1j * frequency)
                 motions = np.append(1.0, -np.linalg.solve(rigid + forces[:, 1:], forces[:, 0]))
-                squares[2] += abs(motions[3]) ** 2
+                twist_squares += np.abs(motions[1:]) ** 2
             squares[0] += np.abs(normal @ motions) ** 2
             squares[1] += np.abs(rates @ motions / frequency) ** 2
         amplitudes = np.sqrt(squares)
         speeds, angles = 0.5 * (speeds + amplitudes[0]), 0.5 * (angles + amplitudes[1])
-        heave = 0.5 * (heave + amplitudes[2].flat[0])
-    return speeds.max(axis=(0, 1)), np.broadcast_to(angles, speeds.shape).max(axis=(0, 1))
+        twist = 0.5 * (twist + np.sqrt(twist_squares))
+    return speeds.max(axis=(0, 1)), angles.max(axis=(0, 1)), twist
 
 
 def _support_heave(

@@ -11,10 +11,13 @@ from typing import Any, ClassVar
 
 import yaml
 
-from manta_sim_ros.dynamics.quantity import LARGEST_SEED, ParameterGroup, Quantity, Vector, quantity
+from manta_sim_ros.dynamics.quantity import LARGEST_SEED, ParameterGroup, Quantity, SixVector, Vector, quantity
 
 SEQUENTIAL, MONOLITHIC = 'sequential', 'monolithic'
 """The values of `solver.coupling`."""
+
+NO_WATER: SixVector = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+"""Added mass or damping of a body on which the water has no effect."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -96,8 +99,28 @@ class Body(ParameterGroup):
     )
     gravity: float = quantity(
         9.81, unit='m/s^2', low=0.0, high=100.0,
-        description='gravity g; as the body is neutrally buoyant, it enters only the righting moment of the buoyancy',
+        description='gravity g; of a neutrally buoyant robot under water only the righting moment is left',
         source='standard',
+    )
+    added_mass: SixVector = quantity(
+        NO_WATER, unit='kg, kg m^2', low=0.0, high=1e6,
+        description='added mass of the body along and about x, y, z; needs damping in roll and yaw to be stable',
+        source='none in the paper',
+    )
+    linear_damping: SixVector = quantity(
+        NO_WATER, unit='N s/m, N m s', low=0.0, high=1e6, live=True,
+        description='linear damping D_l of the body along and about x, y, z, beside angular_damping',
+        source='none in the paper',
+    )
+    quadratic_damping: SixVector = quantity(
+        NO_WATER, unit='N s^2/m^2, N m s^2', low=0.0, high=1e6, live=True,
+        description='quadratic damping D_q of the body along and about x, y, z, each by its own speed, beside drag (34)',
+        source='none in the paper',
+    )
+    net_buoyancy: float = quantity(
+        0.0, unit='N', low=-1e5, high=1e5, live=True,
+        description='buoyancy less weight of the body, at its center of buoyancy',
+        source='the body is neutrally buoyant in the paper',
     )
 
 
@@ -177,6 +200,16 @@ class Fin(ParameterGroup):
     density: float = quantity(
         1000.0, unit='kg/m^3', low=1.0, high=1e5,
         description="density rho_f of the fin's material", source='the density of fresh water',
+    )
+    shear_modulus: float = quantity(
+        0.0, unit='Pa', low=0.0, high=1e13, live=True,
+        description='shear modulus G of the fin, which resists twist along the chord; 0 lets chains move independently',
+        source='none in the paper, which mentions a twisting energy',
+    )
+    twist_damping: float = quantity(
+        0.0, unit='N m s', low=0.0, high=1e4, live=True,
+        description='damping c_t of the twist of the fin along the chord, in the place of G h^3 / 3 of its stiffness',
+        source='none in the paper',
     )
 
 

@@ -15,6 +15,9 @@ FloatArray = NDArray[np.float64]
 
 Vector = tuple[float, float, float]
 
+SixVector = tuple[float, float, float, float, float, float]
+"""Along x, y, z, then about x, y, z."""
+
 LARGEST_SEED = 10**9
 """Upper bound of the seeds of random numbers."""
 

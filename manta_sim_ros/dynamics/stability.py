@@ -17,6 +17,8 @@ from manta_sim_ros.dynamics.harmonic import (
     STATIONS,
     STEEPEST_BEND,
     StraightFins,
+    body_damping,
+    body_inertia,
     flow_motion,
     gait_motion,
     straight_fins,
@@ -141,12 +143,15 @@ def _step_of_larger_gaits(parameters: Parameters, left: FinCommand, right: FinCo
 def _largest_stable_step(parameters: Parameters, left: FinCommand, right: FinCommand) -> float:
     fins = straight_fins(parameters)
     none = np.zeros(parameters.fin.links)
-    speeds, angles = gait_motion(parameters, fins, (left, right))
+    speeds, angles, body_speeds = gait_motion(parameters, fins, (left, right))
     flow, deflection = flow_motion(parameters, fins)
     drag, stiffness = _slopes(fins, SPEED_SHARE * speeds + flow, np.maximum(angles, deflection))
-    step = min(_chain_step(fins, *_slopes(fins, none, none)), _chain_step(fins, drag, stiffness))
+    waves = 2.0 - 2.0 * math.cos(math.pi * (1.0 - 1.0 / parameters.fin.chains))  # of the shortest mode along the chord
+    step = min(
+        _chain_step(fins, *slopes, wave) for wave in {0.0, waves if fins.twist_stiffness or fins.twist_damping else 0.0}
+        for slopes in (_slopes(fins, none, none), (drag, stiffness)))
     if not parameters.solver.fixed_base:
-        step = _coupled_step(parameters, fins, drag, stiffness, step)
+        step = _coupled_step(parameters, fins, drag, stiffness, body_damping(parameters, body_speeds), step)
     frequency = max(gait.frequency if gait.amplitude > 0.0 else 0.0 for gait in (left, right))
     return min(SAFETY * step, 1.0 / (STEPS_PER_PERIOD * frequency) if frequency > 0.0 else math.inf)
 
@@ -157,42 +162,52 @@ def _slopes(fins: StraightFins, speeds: FloatArray, angles: FloatArray) -> tuple
     return 2.0 * fins.drag * speeds, fins.stiffness * (1.0 + t2) * (1.0 + 3.0 * t2)
 
 
-def _chain_step(fins: StraightFins, drag: FloatArray, stiffness: FloatArray) -> float:
-    """Return the largest stable step [s] of a chain on a support whose motion is given."""
+def _chain_step(fins: StraightFins, drag: FloatArray, stiffness: FloatArray, wave: float) -> float:
+    """Return the largest stable step [s] of a chain on a support whose motion is given.
+
+    `wave` is the eigenvalue of the second difference along the chord, 2 - 2 cos(pi i / n) for its mode i.
+    """
     return _runge_kutta_step(
-        fins.inertia, fins.damping + fins.normal.T @ (drag[:, None] * fins.normal), np.diag(stiffness))
+        fins.inertia,
+        fins.damping + fins.normal.T @ (drag[:, None] * fins.normal) + wave * fins.twist_damping * fins.twist,
+        np.diag(stiffness) + wave * fins.twist_stiffness * fins.twist)
 
 
 def _coupled_step(
-    parameters: Parameters, fins: StraightFins, drag: FloatArray, stiffness: FloatArray, longest: float,
+    parameters: Parameters, fins: StraightFins, drag: FloatArray, stiffness: FloatArray, resistance: FloatArray,
+    longest: float,
 ) -> float:
     """Return the largest stable step [s], at most `longest`, of fins and body together.
+
+    `resistance` (6,) is the damping of the body by the water.
 
     B is linear along a support, so chains stay a sum of two that are shaped alike: one shape uniform, one linear in s.
     """
     J, B, m = fins.normal, fins.body[0], 2 * len(fins.normal)
     shapes = np.stack((np.ones(STATIONS), fins.station - 0.5), axis=1)
     alike, both = 2.0 * fins.chord * shapes.T @ shapes, 2.0 * fins.chord
+    twisted = 2.0 * parameters.rods.support_length / parameters.fin.chains**2 * np.diag((0.0, 1.0))  # slopes squared
     inertia, damping, elastic = np.zeros((3, m + 6, m + 6))
     inertia[:m, :m] = np.kron(alike, fins.inertia)
     damping[:m, :m] = np.kron(alike, fins.damping + J.T @ (drag[:, None] * J))
-    elastic[:m, :m] = np.kron(alike, np.diag(stiffness))
+    damping[:m, :m] += fins.twist_damping * np.kron(twisted, fins.twist)
+    elastic[:m, :m] = np.kron(alike, np.diag(stiffness)) + fins.twist_stiffness * np.kron(twisted, fins.twist)
     inertia[:m, m:] = both * np.einsum('sp,sja->pja', shapes, fins.coupling).reshape(m, 6)
     damping[:m, m:] = both * np.einsum('sp,sja->pja', shapes, J.T @ (drag[:, None] * B)).reshape(m, 6)
     inertia[m:, :m], damping[m:, :m] = inertia[:m, m:].T, damping[:m, m:].T
     inertia[m:, m:] = fins.rigid
-    damping[m:, m:] = both * np.einsum('sja,sjb->ab', drag[:, None] * B, B)
-    own = np.array((parameters.body.mass,) * 3 + parameters.body.inertia)
+    damping[m:, m:] = both * np.einsum('sja,sjb->ab', drag[:, None] * B, B) + np.diag(resistance)
+    own = body_inertia(parameters)
     together = parameters.fin.links <= MOST_LINKS_WITH_BODY
     for axes in (SHARED, OPPOSITE):
         kept = np.ix_(*2 * ([*range(m), *(m + axis for axis in axes)],))
-        fin_matrices, body_inertia = (inertia[kept], damping[kept], elastic[kept]), own[list(axes)]
+        fin_matrices, own_here = (inertia[kept], damping[kept], elastic[kept]), own[list(axes)]
         if parameters.solver.coupling == SEQUENTIAL:
-            if _too_heavy(fin_matrices[0], body_inertia):
+            if _too_heavy(fin_matrices[0], own_here):
                 return 0.0
-            longest = _staggered_step(*fin_matrices, body_inertia, longest) if together else longest
+            longest = _staggered_step(*fin_matrices, own_here, longest) if together else longest
         elif together:
-            fin_matrices[0][m:, m:] += np.diag(body_inertia)
+            fin_matrices[0][m:, m:] += np.diag(own_here)
             longest = min(longest, _runge_kutta_step(*fin_matrices))
     return longest
 

@@ -24,6 +24,8 @@ SHAPES: dict[str, tuple[int, ...]] = {
     'gait_commands': (2, 5),
     'cycle_angles': (2,),
     'current_deviation': (3,),
+    'rod_rates': (2, 2),
+    'rod_torques': (2, 2),
 }
 """Shapes of the arrays of a state; joint_angles and joint_rates are (2, n, m)."""
 
@@ -81,6 +83,10 @@ class State:
     """Steps since `start_time`."""
     current_deviation: FloatArray = dataclasses.field(default_factory=lambda: np.zeros(3))
     """(3,) present deviation of the current from its mean, world frame [m/s]."""
+    rod_rates: FloatArray = dataclasses.field(default_factory=lambda: np.zeros((2, 2)))
+    """(2, 2) by fin and rod (front, rear), positive upward on both sides [rad/s], at the end of the step."""
+    rod_torques: FloatArray = dataclasses.field(default_factory=lambda: np.zeros((2, 2)))
+    """(2, 2) by fin and rod (front, rear), of the motors on the rods, positive upward [N m], at the end of the step."""
 
     def __post_init__(self) -> None:
         """Copy the arrays, make them read-only, and check them."""
@@ -127,6 +133,11 @@ class State:
     def wrench(self) -> FloatArray:
         """(6,) sum of `fin_wrenches`: force [N] and moment [N m] of both fins on the body."""
         return self.fin_wrenches[0] + self.fin_wrenches[1]
+
+    @property
+    def rod_power(self) -> float:
+        """Power of the motors of all rods into the fins [W], at the end of the step."""
+        return float(np.sum(self.rod_torques * self.rod_rates))
 
     @classmethod
     def unchecked(cls, **values: Any) -> State:

@@ -19,13 +19,14 @@ DEFAULTS = {  # Table 1 of the paper, and what the model supplies where the pape
     'body': {
         'mass': 20.0, 'inertia': (1.33, 1.93, 2.73), 'drag_area': (0.32, 0.4, 0.8),
         'drag_coefficient': (0.02, 0.04, 0.1), 'angular_damping': (0.015, 0.01, 0.02),
-        'buoyancy_center': (0.0, 0.0, 0.05), 'gravity': 9.81},
+        'buoyancy_center': (0.0, 0.0, 0.05), 'gravity': 9.81, 'added_mass': 6 * (0.0,), 'linear_damping': 6 * (0.0,),
+        'quadratic_damping': 6 * (0.0,), 'net_buoyancy': 0.0},
     'rods': {
         'front_radius': 0.235, 'rear_radius': 0.185, 'support_length': 0.315, 'rear_motor_position': (-0.16, 0.3, 0.0),
         'command_time_constant': 0.2},
     'fin': {
         'chains': 30, 'links': 3, 'span': 0.30, 'thickness': 0.012, 'youngs_modulus': 1e8, 'joint_damping': 0.1,
-        'drag_coefficient': 1.2, 'density': 1000.0},
+        'drag_coefficient': 1.2, 'density': 1000.0, 'shear_modulus': 0.0, 'twist_damping': 0.0},
     'solver': {'time_step': 0.002, 'fixed_base': False, 'coupling': 'sequential'},
 }
 GROUPS = Parameters.groups()
@@ -77,10 +78,10 @@ def test_an_invalid_number_is_refused_by_name_with_its_bounds(group, name, about
 @pytest.mark.parametrize(('group', 'name', 'about'), VECTORS, ids=ids(VECTORS))
 def test_an_invalid_vector_is_refused_by_name_with_its_bounds(group, name, about):
     good = list(DEFAULTS[group][name])
-    for invalid in (1.0, None, '123', True, good[:2], good + [1.0], [], np.zeros((3, 3))[:2], {'x': 1.0}):
-        assert_refused(group, name, invalid, why='must be a list of 3 numbers')
+    for invalid in (1.0, None, '123', True, good[:-1], good + [1.0], [], np.zeros((3, 3))[:2], {'x': 1.0}):
+        assert_refused(group, name, invalid, why=f'must be a list of {len(good)} numbers')
     bounds = f'from {about.low:g} to {about.high:g} {about.unit}'.rstrip()
-    for axis in range(3):
+    for axis in range(len(good)):
         for invalid in (just_below(about), just_above(about), math.nan, math.inf, True, '1', None, [1.0]):
             assert_refused(group, name, good[:axis] + [invalid] + good[axis + 1:], where=f'[{axis}]', why=bounds)
 
@@ -140,7 +141,7 @@ def test_a_support_that_cannot_reach_from_rod_to_rod_is_refused():
 def test_numbers_of_numpy_and_lists_become_plain_numbers_and_tuples():
     fin = Fin(chains=np.int64(12), links=np.int32(4), span=np.float64(0.25), thickness=Fraction(1, 64), density=900)
     assert fin == Fin(chains=12, links=4, span=0.25, thickness=0.015625, density=900.0)
-    assert [type(value) for value in dataclasses.astuple(fin)] == [int, int] + [float] * 6
+    assert [type(value) for value in dataclasses.astuple(fin)] == [int, int] + [float] * 8
     for current in ([1, 2.0, np.float32(3.0)], np.array([1.0, 2.0, 3.0]), np.array([1, 2, 3])):
         made = Water(current=current).current
         assert made == (1.0, 2.0, 3.0)

@@ -26,7 +26,7 @@ pytestmark = pytest.mark.filterwarnings('ignore::manta_sim_ros.dynamics.Stabilit
 EXAMPLES = settings(
     max_examples=60, deadline=None, derandomize=True, database=None, suppress_health_check=list(HealthCheck))
 SMALL = {'chains': 12, 'links': 6}  # more only takes longer
-EXTENT = {'fin.youngs_modulus': 1e9, 'fin.span': 1.0, 'fin.thickness': 0.05}  # elsewhere rounding outweighs the rest
+EXTENT = {'fin.youngs_modulus': 1e9, 'fin.span': 1.0, 'fin.thickness': 0.05, 'fin.shear_modulus': 1e8, 'fin.twist_damping': 1.0}  # elsewhere rounding outweighs the rest
 
 
 def number(low, high):
@@ -53,7 +53,7 @@ def group(name, moderate):
             one = number(low, high)
             if moderate and about.kind is float and default > 0.0:
                 one = st.floats(max(low, default / 5.0), min(high, default * 5.0))
-            values[field] = st.tuples(one, one, one) if about.kind is tuple else one
+            values[field] = st.tuples(*about.size * (one,)) if about.kind is tuple else one
     return values
 
 
@@ -118,7 +118,8 @@ def inverse_mass_matrices(of, side, angles):
 
 def soft(of):
     """Return the parameters without what would drown the difference of two evaluations in rounding."""
-    return of.replace(fin={'youngs_modulus': 0.0}, water={'density': 0.0})
+    return of.replace(
+        fin={'youngs_modulus': 0.0, 'shear_modulus': 0.0, 'twist_damping': 0.0}, water={'density': 0.0})
 
 
 @EXAMPLES

@@ -13,7 +13,8 @@ from manta_sim_ros.dynamics import Parameters, Simulator, State
 SHAPES = {
     'position': (3,), 'orientation': (4,), 'twist': (6,), 'acceleration': (6,), 'joint_angles': (2, 5, 3),
     'joint_rates': (2, 5, 3), 'rod_angles': (2, 2), 'fin_wrenches': (2, 6), 'gait': (2, 5), 'gait_rates': (2, 5),
-    'gait_commands': (2, 5), 'cycle_angles': (2,), 'current_deviation': (3,),
+    'gait_commands': (2, 5), 'cycle_angles': (2,), 'current_deviation': (3,), 'rod_rates': (2, 2),
+    'rod_torques': (2, 2),
 }
 
 

@@ -36,13 +36,15 @@ def test_the_file_holds_every_name_and_default_and_no_other():
     assert kinds(listed) == kinds(desired)  # ROS 2 takes no whole number for one with a decimal point
 
 
-def test_the_freshwater_file_has_true_densities_and_added_mass():
+def test_the_freshwater_file_has_true_densities_added_mass_and_twist_stiffness():
     freshwater = Parameters.from_yaml(CONFIG.parent / 'freshwater.yaml')
     assert freshwater.water.density == freshwater.water.added_mass_density == freshwater.fin.density == 1000.0
     assert freshwater.water.added_mass_coefficient > 0.0 and freshwater.solver.coupling == 'monolithic'
-    # all else is the defaults': no geometry and no stiffness was changed
+    # all else is the defaults': no geometry and no bending stiffness was changed
     changed = {
         f'{group}.{name}' for group, values in dataclasses.asdict(freshwater).items() for name, value in values.items()
         if value != getattr(getattr(Parameters(), group), name)}
     assert changed == {
-        'water.density', 'water.added_mass_coefficient', 'fin.chains', 'fin.drag_coefficient', 'solver.coupling'}
+        'water.density', 'water.added_mass_coefficient', 'body.drag_coefficient', 'body.added_mass',
+        'body.quadratic_damping', 'fin.chains', 'fin.drag_coefficient', 'fin.shear_modulus', 'solver.time_step',
+        'solver.coupling'}

@@ -10,8 +10,10 @@ from manta_sim_ros.dynamics._kernels.constants import RodConstants
 from manta_sim_ros.dynamics._kernels.gait import Rod
 from manta_sim_ros.dynamics._kernels.geometry import (
     Rotation,
+    Wrench,
     add,
     cross,
+    dot,
     mirror_axial,
     mirror_polar,
     rotate_back,
@@ -144,3 +146,25 @@ def support_motion(rods: RodConstants, front: Rod, rear: Rod, body: BodyMotion) 
     omega_dot = add(
         subtract(rotate_back(rotation, body.omega_dot), cross(attitude.omega, body_omega)), attitude.omega_dot)
     return SupportMotion(rotation, position, velocity, omega, velocity_dot, omega_dot)
+
+
+@kernel
+def rod_torques(rods: RodConstants, front: Rod, rear: Rod, on_body: Wrench) -> tuple[float, float]:
+    """Return the torques of the front and the rear motor [N m] that balance the wrench of the left fin on the body.
+
+    The mechanism has no mass. So by virtual power the torque of a rod is minus the wrench on the support, about A, times
+    the support's twist at a unit rate of this rod. `on_body` is about the center of mass, in F_b.
+    """
+    return _rod_torque(rods, front, rear, on_body, 1.0, 0.0), _rod_torque(rods, front, rear, on_body, 0.0, 1.0)
+
+
+@kernel
+def _rod_torque(
+    rods: RodConstants, front: Rod, rear: Rod, on_body: Wrench, front_rate: float, rear_rate: float,
+) -> float:
+    none = (0.0, 0.0, 0.0)
+    support = support_motion(
+        rods, Rod(front.angle, front_rate, 0.0), Rod(rear.angle, rear_rate, 0.0), BodyMotion(none, none, none, none))
+    force = rotate_back(support.rotation, on_body.force)
+    moment = rotate_back(support.rotation, subtract(on_body.moment, cross(support.position, on_body.force)))
+    return -(dot(force, support.velocity) + dot(moment, support.omega))

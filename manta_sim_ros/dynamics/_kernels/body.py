@@ -49,6 +49,9 @@ def body_wrench(
     damped = (-damping[0] * omega[0], -damping[1] * omega[1], -damping[2] * omega[2])
     spin = (inertia[0] * omega[0], inertia[1] * omega[1], inertia[2] * omega[2])
     moment = subtract(add(damped, righting), cross(omega, spin))
+    if body.moves_water:
+        in_water = _water_load(body, rotation, relative, omega, current)
+        force, moment = add(force, in_water.force), add(moment, in_water.moment)
     of_body, of_world = inputs.body_wrench, inputs.world_wrench
     return Wrench(
         add(force, add(of_body.force, rotate_back(rotation, of_world.force))),
@@ -57,12 +60,42 @@ def body_wrench(
 
 
 @kernel
+def _water_load(
+    body: BodyConstants, rotation: Rotation, relative: Vector, omega: Vector, current: Vector,
+) -> Wrench:
+    """Return what the water does to the body beyond the paper, but for its added mass times its acceleration, in F_b.
+
+    Fossen's equations of a body in a current that is steady and uniform: with the momentum (p, h) = M_A nu_r of the added
+    mass, -(Omega x p, Omega x h + V_r x p) and, as nu_r-dot = nu-dot + (Omega x v_c, 0), the part of it that is known;
+    linear and quadratic damping by component; and the net buoyancy. `relative` is V_r.
+    """
+    mass, linear, quadratic = body.added_mass, body.linear_damping, body.quadratic_damping
+    p = (mass[0] * relative[0], mass[1] * relative[1], mass[2] * relative[2])
+    h = (mass[3] * omega[0], mass[4] * omega[1], mass[5] * omega[2])
+    carried, turning = cross(omega, current), cross(omega, p)
+    munk, gyroscopic = cross(relative, p), cross(omega, h)
+    lift = rotate_back(rotation, (0.0, 0.0, body.net_buoyancy))
+    force = (
+        lift[0] - mass[0] * carried[0] - turning[0] - (linear[0] + quadratic[0] * abs(relative[0])) * relative[0],
+        lift[1] - mass[1] * carried[1] - turning[1] - (linear[1] + quadratic[1] * abs(relative[1])) * relative[1],
+        lift[2] - mass[2] * carried[2] - turning[2] - (linear[2] + quadratic[2] * abs(relative[2])) * relative[2],
+    )
+    righting = cross(body.buoyancy_center, lift)
+    moment = (
+        righting[0] - gyroscopic[0] - munk[0] - (linear[3] + quadratic[3] * abs(omega[0])) * omega[0],
+        righting[1] - gyroscopic[1] - munk[1] - (linear[4] + quadratic[4] * abs(omega[1])) * omega[1],
+        righting[2] - gyroscopic[2] - munk[2] - (linear[5] + quadratic[5] * abs(omega[2])) * omega[2],
+    )
+    return Wrench(force, moment)
+
+
+@kernel
 def body_acceleration(body: BodyConstants, load: Wrench) -> tuple[Vector, Vector]:
     """Return the derivative of the twist's components in F_b [m/s^2, rad/s^2], (36), of the whole load on the body."""
-    force, moment, mass, inertia = load.force, load.moment, body.mass, body.inertia
+    force, moment, mass, inertia, added = load.force, load.moment, body.mass, body.inertia, body.added_mass
     return (
-        (force[0] / mass, force[1] / mass, force[2] / mass),
-        (moment[0] / inertia[0], moment[1] / inertia[1], moment[2] / inertia[2]),
+        (force[0] / (mass + added[0]), force[1] / (mass + added[1]), force[2] / (mass + added[2])),
+        (moment[0] / (inertia[0] + added[3]), moment[1] / (inertia[1] + added[4]), moment[2] / (inertia[2] + added[5])),
     )
 
 
@@ -78,7 +111,7 @@ def solve_body(body: BodyConstants, load: Wrench, arrays: BodyArrays) -> bool:
         acceleration[i] = (force[i] if i < 3 else moment[i - 3]) + (wrench[0, i] + wrench[1, i])
         for j in range(6):
             matrix[i, j] = inertia[0, i, j] + inertia[1, i, j]
-        matrix[i, i] += mass if i < 3 else moments[i - 3]
+        matrix[i, i] += (mass if i < 3 else moments[i - 3]) + body.added_mass[i]
     return _solve(matrix, acceleration)
 
 

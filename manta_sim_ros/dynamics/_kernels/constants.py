@@ -9,7 +9,7 @@ import numpy as np
 
 from manta_sim_ros.dynamics._kernels.layout import stations
 from manta_sim_ros.dynamics.parameters import Parameters
-from manta_sim_ros.dynamics.quantity import FloatArray, Vector
+from manta_sim_ros.dynamics.quantity import FloatArray, SixVector, Vector
 
 
 class FinConstants(NamedTuple):
@@ -24,6 +24,8 @@ class FinConstants(NamedTuple):
     damping: float  # c [N s]
     drag: float  # rho C_D dl / 2 [kg/m^2]
     added_mass: float  # C_a rho_a pi L dl / 4 [kg/m]
+    twist_stiffness: float  # G h^3 dl / (3 ds^2) [N]
+    twist_damping: float  # c_t dl / ds^2 [N s]
 
 
 class RodConstants(NamedTuple):
@@ -45,6 +47,11 @@ class BodyConstants(NamedTuple):
     angular_damping: Vector  # C_M [N m s]
     buoyancy_center: Vector  # r_b [m]
     buoyancy: float  # m_b g [N]
+    moves_water: bool  # whether any of the following is not 0
+    added_mass: SixVector  # [kg, kg m^2]
+    linear_damping: SixVector  # [N s/m, N m s]
+    quadratic_damping: SixVector  # [N s^2/m^2, N m s^2]
+    net_buoyancy: float  # [N]
 
 
 class Constants(NamedTuple):
@@ -60,14 +67,14 @@ class Constants(NamedTuple):
 def constants(parameters: Parameters) -> Constants:
     """Return the parameters as the kernels take them."""
     fin, rods, body, water = parameters.fin, parameters.rods, parameters.body, parameters.water
-    link_length = fin.span / fin.links
+    link_length, chain_spacing = fin.span / fin.links, rods.support_length / fin.chains
     bending_stiffness = fin.youngs_modulus * fin.thickness**3 / 12.0
     drag = 0.5 * water.density * np.multiply(body.drag_area, body.drag_coefficient)
     return Constants(
         fin=FinConstants(
             chains=fin.chains,
             station=stations(fin.chains, rods.support_length),
-            chain_spacing=rods.support_length / fin.chains,
+            chain_spacing=chain_spacing,
             link_length=link_length,
             link_mass=fin.density * fin.thickness * link_length,
             stiffness=2.0 * bending_stiffness / link_length,
@@ -76,6 +83,8 @@ def constants(parameters: Parameters) -> Constants:
             added_mass=(
                 water.added_mass_coefficient * water.added_mass_density * pi / 4.0 * rods.support_length * link_length
             ),
+            twist_stiffness=fin.shear_modulus * fin.thickness**3 / 3.0 * link_length / chain_spacing**2,
+            twist_damping=fin.twist_damping * link_length / chain_spacing**2,
         ),
         rods=RodConstants(
             rods.front_radius, rods.rear_radius, rods.support_length, rods.rear_motor_position,
@@ -84,6 +93,8 @@ def constants(parameters: Parameters) -> Constants:
         body=BodyConstants(
             body.mass, body.inertia, tuple(drag.tolist()), body.angular_damping,
             body.buoyancy_center, body.mass * body.gravity,
+            any((*body.added_mass, *body.linear_damping, *body.quadratic_damping, body.net_buoyancy)),
+            body.added_mass, body.linear_damping, body.quadratic_damping, body.net_buoyancy,
         ),
         time_step=parameters.solver.time_step,
         fixed_base=parameters.solver.fixed_base,

@@ -93,6 +93,37 @@ def link_motion(fin: FinConstants, links: Links, chains: Chains) -> None:
 
 
 @kernel
+def add_twist_torques(fin: FinConstants, links: Links, chains: Chains) -> None:
+    """Add the torques of the twist of the fin along the chord to those of the joints; the paper leaves them out.
+
+    The links of one row form a strip along x_0, which resists twist (Saint-Venant): the moment on a link is the second
+    difference along the chord of stiffness times its angle to y_0 and damping times the rate of that; the two edges are
+    free. A joint carries the moments of all links beyond it. After `link_motion`.
+    """
+    if fin.twist_stiffness == 0.0 and fin.twist_damping == 0.0:
+        return
+    count, row = links.q.shape
+    last, stiffness, damping = fin.chains - 1, fin.twist_stiffness, fin.twist_damping
+    for k in range(row):
+        chains.angle[k], chains.twist[k] = 0.0, 0.0
+    for j in range(count):
+        for k in range(row):
+            chains.angle[k] += links.q[j, k]
+    for j in range(count - 1, -1, -1):
+        for k in range(row):
+            chains.moment[k] = stiffness * chains.angle[k] + damping * links.w[j, k]
+            chains.angle[k] -= links.q[j, k]
+        chains.twist[0] += chains.moment[1] - chains.moment[0]
+        for k in range(1, last):
+            chains.twist[k] += chains.moment[k - 1] - 2.0 * chains.moment[k] + chains.moment[k + 1]
+        chains.twist[last] += chains.moment[last - 1] - chains.moment[last]
+        for k in range(fin.chains, row):
+            chains.twist[k] = chains.twist[last]
+        for k in range(row):
+            links.torque[j, k] += chains.twist[k]
+
+
+@kernel
 def surface_slopes(fin: FinConstants, links: Links) -> None:
     """Chordwise slope of each link's normal, (11): n = t x u = (slope, -s, c), normalized where it is used.
 

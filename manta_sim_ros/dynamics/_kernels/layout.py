@@ -91,6 +91,9 @@ class Chains(NamedTuple):
     r_1: FloatArray
     r_2: FloatArray
     r_3: FloatArray
+    angle: FloatArray  # of a link to y_0 [rad]
+    moment: FloatArray  # of the twist of the fin [N], to be differenced along the chord
+    twist: FloatArray  # torque of the twist of the fin at a joint [N]
 
 
 class BodyArrays(NamedTuple):
@@ -171,7 +174,8 @@ def chains_of(work: Workspace) -> Chains:
     a = work.chains
     return Chains(
         a[0], a[1], a[2], a[3], a[4], a[5], a[6], a[7], a[8], a[9], a[10], a[11], a[12], a[13], a[14], a[15], a[16],
-        a[17], a[18], a[19], a[20], a[21], a[22], a[23], a[24], a[25], a[26], a[27], a[28], a[29], a[30],
+        a[17], a[18], a[19], a[20], a[21], a[22], a[23], a[24], a[25], a[26], a[27], a[28], a[29], a[30], a[31], a[32],
+        a[33],
     )
 
 

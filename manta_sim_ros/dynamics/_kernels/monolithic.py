@@ -20,6 +20,7 @@ from manta_sim_ros.dynamics._kernels.constants import Constants, FinConstants
 from manta_sim_ros.dynamics._kernels.fin import (
     SupportAcceleration,
     acceleration_slope,
+    add_twist_torques,
     articulated_inertia,
     joint_accelerations,
     link_motion,
@@ -58,6 +59,7 @@ from manta_sim_ros.dynamics._kernels.motion import (
     gait_of,
     load_joints,
     store_joints,
+    store_rods,
     store_wrench,
 )
 from manta_sim_ros.dynamics._kernels.runge_kutta import (
@@ -82,6 +84,7 @@ def _find_fin_inertia(
 ) -> None:
     """Find the inertia and bias of a fin as its support feels it, about A. `current` is in F_0."""
     link_motion(fin, links, chains)
+    add_twist_torques(fin, links, chains)
     surface_slopes(fin, links)
     water_loads(fin, subtract(support.velocity, current), support.omega, links)
     articulated_inertia(fin, support.omega, 0.0, links, chains)
@@ -224,6 +227,7 @@ def advance(
             motion.fin_wrenches[side, i] = arrays.wrench[side, i]
             for j in range(6):
                 motion.fin_wrenches[side, i] -= arrays.inertia[side, i, j] * arrays.acceleration[j]
+    store_rods(constants.rods, motion)
     return steps, 0, 0, 0
 
 

@@ -7,9 +7,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from manta_sim_ros.dynamics._kernels.actuation import rod_torques
 from manta_sim_ros.dynamics._kernels.compilation import kernel
-from manta_sim_ros.dynamics._kernels.gait import Gait
-from manta_sim_ros.dynamics._kernels.geometry import Wrench, mirror_axial, mirror_polar
+from manta_sim_ros.dynamics._kernels.constants import RodConstants
+from manta_sim_ros.dynamics._kernels.gait import Gait, rod_motion
+from manta_sim_ros.dynamics._kernels.geometry import Wrench, mirror_axial, mirror_polar, vector_at
 from manta_sim_ros.dynamics._kernels.layout import Links, Workspace, from_rows, links_of, to_rows
 from manta_sim_ros.dynamics.quantity import FloatArray
 
@@ -35,6 +37,8 @@ class Motion(NamedTuple):
     cycle_angles: FloatArray  # (2,)
     rod_angles: FloatArray  # (2, 2)
     fin_wrenches: FloatArray  # (2, 6)
+    rod_rates: FloatArray  # (2, 2)
+    rod_torques: FloatArray  # (2, 2)
 
 
 class FinState(NamedTuple):
@@ -87,6 +91,17 @@ def store_wrench(wrench: Wrench, side: int, wrenches: FloatArray) -> None:
     force, moment = mirror_polar(wrench.force, side), mirror_axial(wrench.moment, side)
     for axis in range(3):
         wrenches[side, axis], wrenches[side, 3 + axis] = force[axis], moment[axis]
+
+
+@kernel
+def store_rods(rods: RodConstants, motion: Motion) -> None:
+    """Fill rates and torques of the rods, of the present gait and the wrenches of the fins."""
+    for side in range(2):
+        front, rear = rod_motion(rods, gait_of(motion, side), 0.0)
+        wrench = motion.fin_wrenches[side]
+        on_body = Wrench(mirror_polar(vector_at(wrench, 0), side), mirror_axial(vector_at(wrench, 3), side))
+        motion.rod_rates[side, 0], motion.rod_rates[side, 1] = front.angle_dot, rear.angle_dot
+        motion.rod_torques[side, 0], motion.rod_torques[side, 1] = rod_torques(rods, front, rear, on_body)
 
 
 @kernel

@@ -8,6 +8,7 @@ from manta_sim_ros.dynamics._kernels.compilation import entry_kernel, kernel
 from manta_sim_ros.dynamics._kernels.constants import Constants, FinConstants
 from manta_sim_ros.dynamics._kernels.fin import (
     SupportAcceleration,
+    add_twist_torques,
     articulated_inertia,
     joint_accelerations,
     link_motion,
@@ -43,6 +44,7 @@ from manta_sim_ros.dynamics._kernels.motion import (
     gait_of,
     load_joints,
     store_joints,
+    store_rods,
     store_wrench,
 )
 from manta_sim_ros.dynamics._kernels.runge_kutta import (
@@ -61,6 +63,7 @@ def _fin_accelerations(
 ) -> SupportAcceleration:
     """Find the accelerations of a fin's joints; return that of its support. `current` is in F_0."""
     link_motion(fin, links, chains)
+    add_twist_torques(fin, links, chains)
     surface_slopes(fin, links)
     water_loads(fin, subtract(support.velocity, current), support.omega, links)
     articulated_inertia(fin, support.omega, support.omega_dot[0], links, chains)
@@ -125,6 +128,8 @@ def advance(
     constants: Constants, inputs: Inputs, motion: Motion, work: Workspace, steps: int,
 ) -> tuple[int, int, int, int]:
     """Take `steps` steps in place; return the fields of an `Outcome`."""
+    if steps == 0:
+        return 0, 0, 0, 0
     load_joints(motion, work)
     for step in range(steps):
         rotation = rotation_of(motion.orientation)
@@ -136,6 +141,7 @@ def advance(
         if not constants.fixed_base and not _step_body(constants, inputs, rotation, current, motion):
             return step, BODY_DIVERGED, 0, 0
     store_joints(work, motion)
+    store_rods(constants.rods, motion)
     return steps, 0, 0, 0
 
 
