@@ -1,17 +1,24 @@
 """The coupled dynamics of the robotic manta, free of ROS: every public name has its one path here."""
 
 from manta_sim_ros.dynamics.command import REST, SIDES, FinCommand
-from manta_sim_ros.dynamics.load import fin_loads
+from manta_sim_ros.dynamics.load import fin_loads, immersed_shares
 from manta_sim_ros.dynamics.parameters import MONOLITHIC, SEQUENTIAL, Parameters
 from manta_sim_ros.dynamics.quantity import LARGEST_SEED, FloatArray, ParameterGroup, Quantity, Vector, quantity
 from manta_sim_ros.dynamics.simulator import DivergenceError, Simulator, compile_kernels, fin_dynamics
-from manta_sim_ros.dynamics.stability import StabilityWarning, largest_stable_step, step_warning
+from manta_sim_ros.dynamics.stability import (
+    ModelWarning,
+    StabilityWarning,
+    body_warning,
+    largest_stable_step,
+    step_warning,
+    turn_warning,
+)
 from manta_sim_ros.dynamics.state import State
 from manta_sim_ros.dynamics.surface import fin_surfaces, rod_rates, support_angles, support_rates
 
 __all__ = [
     'LARGEST_SEED', 'MONOLITHIC', 'REST', 'SEQUENTIAL', 'SIDES', 'DivergenceError', 'FinCommand', 'FloatArray',
-    'ParameterGroup', 'Parameters', 'Quantity', 'Simulator', 'StabilityWarning', 'State', 'Vector', 'compile_kernels',
-    'fin_dynamics', 'fin_loads', 'fin_surfaces', 'largest_stable_step', 'quantity', 'rod_rates', 'step_warning',
-    'support_angles', 'support_rates',
+    'ModelWarning', 'ParameterGroup', 'Parameters', 'Quantity', 'Simulator', 'StabilityWarning', 'State', 'Vector',
+    'body_warning', 'compile_kernels', 'fin_dynamics', 'fin_loads', 'fin_surfaces', 'immersed_shares',
+    'largest_stable_step', 'quantity', 'rod_rates', 'step_warning', 'support_angles', 'support_rates', 'turn_warning',
 ]

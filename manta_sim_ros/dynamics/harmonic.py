@@ -87,7 +87,7 @@ def body_inertia(parameters: Parameters) -> FloatArray:
 
 
 def body_damping(parameters: Parameters, speeds: FloatArray) -> FloatArray:
-    """Return the slope (6,) [N s/m, N m s] of the damping of the body at speeds (6,) [m/s, rad/s], drag (34) left out."""
+    """Return the slope (6,) [N s/m, N m s] of the body's damping at speeds (6,) [m/s, rad/s], without drag (34)."""
     body = parameters.body
     return np.add(body.linear_damping, (0.0, 0.0, 0.0, *body.angular_damping)) + 2.0 * speeds * body.quadratic_damping
 

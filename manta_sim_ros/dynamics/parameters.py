@@ -51,7 +51,7 @@ class Water(ParameterGroup):
     )
     surface_height: float = quantity(
         5.0, unit='m', low=-1e5, high=1e5, live=True,
-        description='height of the surface of the water, world frame; depth is measured from it',
+        description='height of the surface of the water, world frame; what is above it is in the air',
         source='the paper has no surface; the origin is in the water',
     )
     added_mass_coefficient: float = quantity(
@@ -99,7 +99,7 @@ class Body(ParameterGroup):
     )
     gravity: float = quantity(
         9.81, unit='m/s^2', low=0.0, high=100.0,
-        description='gravity g; of a neutrally buoyant robot under water only the righting moment is left',
+        description='gravity g; under water only the righting moment of the buoyancy is left of it',
         source='standard',
     )
     added_mass: SixVector = quantity(
@@ -114,7 +114,7 @@ class Body(ParameterGroup):
     )
     quadratic_damping: SixVector = quantity(
         NO_WATER, unit='N s^2/m^2, N m s^2', low=0.0, high=1e6, live=True,
-        description='quadratic damping D_q of the body along and about x, y, z, each by its own speed, beside drag (34)',
+        description='quadratic damping D_q of the body along and about x, y, z, beside drag (34)',
         source='none in the paper',
     )
     net_buoyancy: float = quantity(

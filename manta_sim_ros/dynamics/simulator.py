@@ -21,7 +21,14 @@ from manta_sim_ros.dynamics.command import REST, SIDES, FinCommand, check_gait, 
 from manta_sim_ros.dynamics.current import deviation_at, steps_left
 from manta_sim_ros.dynamics.parameters import MONOLITHIC, SEQUENTIAL, Parameters
 from manta_sim_ros.dynamics.quantity import FloatArray
-from manta_sim_ros.dynamics.stability import StabilityWarning, remedy, step_warning
+from manta_sim_ros.dynamics.stability import (
+    ModelWarning,
+    StabilityWarning,
+    body_warning,
+    remedy,
+    step_warning,
+    turn_warning,
+)
 from manta_sim_ros.dynamics.state import State, check_shape, finite_array
 
 WHOLE_STEPS_TOLERANCE = 1e-6
@@ -43,6 +50,9 @@ class DivergenceError(ValueError):
 class Simulator:
     """The robot in the water: takes commands of its fins and advances in time.
 
+    A ModelWarning is given when the body has added mass but no damping in roll and yaw, and once when fins that do not
+    resist twist become unstable along the chord in a turn.
+
     Parameters
     ----------
     parameters
@@ -58,11 +68,15 @@ class Simulator:
     """
 
     _step_too_large = False  # for the gaits of the last command
+    _turn_warned = False
 
     def __init__(self, parameters: Parameters | None = None, state: State | None = None) -> None:
         self._parameters = Parameters() if parameters is None else parameters
         self._constants = constants(self._parameters)
         self._workspace = workspace(self._parameters.fin.chains, self._parameters.fin.links)
+        warning = body_warning(self._parameters)
+        if warning is not None:
+            warnings.warn(warning, ModelWarning, stacklevel=2)
         self._go_to(state)
 
     @property
@@ -203,7 +217,16 @@ class Simulator:
             step_count=before.step_count + steps,
             current_deviation=deviation,
         )
+        self._warn_of_turn()
         return self._state
+
+    def _warn_of_turn(self) -> None:
+        if self._turn_warned:
+            return
+        warning = turn_warning(self._parameters, self._state)
+        if warning is not None:
+            self._turn_warned = True
+            warnings.warn(warning, ModelWarning, stacklevel=3)
 
     def _whole_steps(self, duration: float) -> int:
         time_step = self._parameters.solver.time_step
@@ -250,7 +273,7 @@ def fin_dynamics(
     body_twist: FloatArray,
     body_acceleration: FloatArray,
 ) -> tuple[FloatArray, FloatArray]:
-    """Evaluate (6) to (33) for one fin in still water, in any state, with its added mass if there is any.
+    """Evaluate (6) to (33) for one fin under still water, in any state, with its added mass and twist if it has any.
 
     Parameters
     ----------
@@ -261,7 +284,7 @@ def fin_dynamics(
     rod_motion
         (2, 3) rows front, rear; columns angle [rad], rate [rad/s], acceleration [rad/s^2].
     joint_angles, joint_rates
-        (n, m) [rad], [rad/s].
+        (n, m) [rad], [rad/s]. Angles beyond +-pi are taken back by full turns.
     body_twist, body_acceleration
         (6,) linear part first, and the derivative of its components; in F_b, not mirrored.
 

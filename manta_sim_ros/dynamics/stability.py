@@ -12,6 +12,7 @@ import math
 
 import numpy as np
 
+from manta_sim_ros.dynamics._kernels.geometry import rotate_back, rotation_of
 from manta_sim_ros.dynamics.command import HIGHEST_FREQUENCY, SIDES, FinCommand, check_gait
 from manta_sim_ros.dynamics.harmonic import (
     STATIONS,
@@ -25,6 +26,7 @@ from manta_sim_ros.dynamics.harmonic import (
 )
 from manta_sim_ros.dynamics.parameters import SEQUENTIAL, Parameters, Solver
 from manta_sim_ros.dynamics.quantity import FloatArray
+from manta_sim_ros.dynamics.state import State
 
 SPEED_SHARE = 0.85
 """Share of a speed's amplitude at which the drag is linearized; calibrated in evidence/verification/stability.py."""
@@ -85,6 +87,53 @@ def largest_stable_step(parameters: Parameters, left: FinCommand, right: FinComm
 
 class StabilityWarning(UserWarning):
     """`solver.time_step` is above the largest stable step of the commanded gaits."""
+
+
+class ModelWarning(UserWarning):
+    """The parameters let the robot move as no robot does, whatever the time step."""
+
+
+def body_warning(parameters: Parameters) -> str | None:
+    """Return a warning if the body has added mass but no damping in roll and yaw, else None."""
+    body = parameters.body
+    undamped = [
+        name for axis, name in ((3, 'roll'), (5, 'yaw'))
+        if body.linear_damping[axis] == 0.0 and body.quadratic_damping[axis] == 0.0]
+    if not any(body.added_mass) or not undamped:
+        return None
+    return (
+        f'body.added_mass is {list(body.added_mass)}, but there is no damping in {" and ".join(undamped)}: the robot '
+        'will tumble; set the values for roll and yaw of body.linear_damping or body.quadratic_damping above 0')
+
+
+def turn_warning(parameters: Parameters, state: State) -> str | None:
+    """Return a warning if the fins have chordwise instability in a turn, else None.
+
+    A fin in a flow U along its chord is unstable if U > omega_1 L / n, where omega_1 is the first natural frequency of
+    a chain, unless it resists twist.
+    """
+    fin, rods = parameters.fin, parameters.rods
+    left, right = state.gait_commands
+    if fin.shear_modulus > 0.0 or parameters.solver.fixed_base or np.array_equal(left, right):
+        return None
+    current = rotate_back.py_func(rotation_of.py_func(state.orientation), parameters.water.current)
+    lateral = abs(rods.rear_motor_position[1]) + rods.rear_radius + 0.5 * fin.span  # of the middle of a fin
+    speed = abs(state.twist[0] - current[0]) + lateral * abs(state.twist[5])  # of the faster fin
+    critical = _critical_speed(parameters)
+    if speed <= critical:
+        return None
+    return (
+        f'the fins have chordwise instability in this turn: they move at {speed:.2g} m/s, and without resistance to '
+        f'twist they are stable up to {critical:.2g} m/s only, so that fin.chains, {fin.chains}, decides how the robot '
+        'turns; set fin.shear_modulus, as in config/freshwater.yaml')
+
+
+@functools.lru_cache(maxsize=16)
+def _critical_speed(parameters: Parameters) -> float:
+    """Return omega_1 L / n [m/s]."""
+    fins = straight_fins(parameters)
+    largest = np.linalg.eigvalsh(fins.inertia)[-1]  # all joints are equally stiff
+    return parameters.rods.support_length / parameters.fin.chains * math.sqrt(fins.stiffness / largest)
 
 
 def rounded_down(step: float) -> float:

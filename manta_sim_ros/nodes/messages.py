@@ -139,7 +139,7 @@ def joint_names(parameters: Parameters, fins: bool) -> list[str]:
 def joint_state_message(state: State, parameters: Parameters, names: list[str], header: Header) -> JointState:
     """Return angles [rad] and rates [rad/s] of the joints with these `joint_names`, positive upward on both sides.
 
-    The effort of a rod is the torque of its motor [N m], that of the other joints, which have no motor, is 0. The angles
+    The effort of a rod is the torque of its motor [N m]; the other joints have no motor, and an effort of 0. The angles
     of a support are those of F_0 about z and then y of the body frame, on the right of its mirror image.
     """
     rates_of_rods = rod_rates(parameters.rods, state)

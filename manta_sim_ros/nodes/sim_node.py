@@ -15,7 +15,15 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from std_msgs.msg import Float64MultiArray
 
-from manta_sim_ros.dynamics import StabilityWarning, compile_kernels, largest_stable_step, step_warning
+from manta_sim_ros.dynamics import (
+    ModelWarning,
+    StabilityWarning,
+    body_warning,
+    compile_kernels,
+    largest_stable_step,
+    step_warning,
+    turn_warning,
+)
 from manta_sim_ros.nodes import messages
 from manta_sim_ros.nodes.diagnostics import Health, statuses
 from manta_sim_ros.nodes.disturbances import Disturbances
@@ -50,10 +58,12 @@ class SimNode(Node):
     def __init__(self) -> None:
         super().__init__('manta_sim', automatically_declare_parameters_from_overrides=True)
         warnings.simplefilter('ignore', StabilityWarning)  # `_warn_of_step` logs it
+        warnings.simplefilter('ignore', ModelWarning)  # `_warn_of_model` does
         self._settings: Settings = declare(self)
         self._robot = Robot(self._settings, self._report_divergence, self.get_logger().warning)
         self._refusals = Refusals(self.get_logger().warning, 'fin_command', 'the previous gait continues')
         self._step_warning, self._step_warning_due = '', -math.inf
+        self._body_warned = self._turn_warned = False
         self._next_tick = math.inf  # steady time [s]
         self._computing = 0.0  # elapsed time in ticks since the last diagnostics [s]
         self._divergences_reported = 0  # in the last diagnostics
@@ -73,6 +83,7 @@ class SimNode(Node):
             self.get_logger().info(
                 'no transform is published, as tf2_msgs is not installed: install it, or set publish_tf to false')
         compile_kernels(self._settings.model, self.get_logger().info)
+        self._warn_of_model()
         self._set_pace()
         if self._time.paused:  # there is no tick
             self._outputs.publish(self._robot.state)
@@ -126,6 +137,17 @@ class SimNode(Node):
             self._step_warning, self._step_warning_due = warning, time.monotonic() + STEP_WARNING_PERIOD
             self.get_logger().warning(warning)
 
+    def _warn_of_model(self) -> None:
+        """Warn, once of each, if the parameters let the robot move as no robot does."""
+        model = self._settings.model
+        body = None if self._body_warned else body_warning(model)
+        turn = None if self._turn_warned else turn_warning(model, self._robot.state)
+        self._body_warned |= body is not None
+        self._turn_warned |= turn is not None
+        for warning in (body, turn):
+            if warning is not None:
+                self.get_logger().warning(warning)
+
     def _report_divergence(self, line: str) -> None:
         self.get_logger().error(line, throttle_duration_sec=DIVERGENCE_ERROR_PERIOD)
 
@@ -139,6 +161,7 @@ class SimNode(Node):
             return
         health = self._health()
         self._begin_pace_window()
+        self._warn_of_model()
         self._divergences_reported = self._robot.divergences
         self._diagnostics.publish(DiagnosticArray(
             header=messages.header(self._outputs.stamp(self._robot.state), ''),

@@ -23,7 +23,7 @@ def any_state(parameters, seed):
     gait = np.array([0.5, 0.8, 0.4, 0.1, -0.1]) + random.uniform(-0.2, 0.2, (2, 5))
     orientation = random.normal(size=4)
     state = dataclasses.replace(
-        State.at_rest(parameters), position=random.uniform(-9.0, 9.0, 3),
+        State.at_rest(parameters), position=random.uniform(-9.0, 3.0, 3),  # under water
         orientation=orientation / np.linalg.norm(orientation), twist=random.uniform(-1.0, 1.0, 6),
         joint_angles=random.uniform(-0.6, 0.6, joints), joint_rates=random.uniform(-4.0, 4.0, joints),
         gait=gait, gait_rates=random.uniform(-1.0, 1.0, (2, 5)), gait_commands=gait + random.uniform(-0.3, 0.3, (2, 5)),

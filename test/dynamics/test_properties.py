@@ -26,7 +26,9 @@ pytestmark = pytest.mark.filterwarnings('ignore::manta_sim_ros.dynamics.Stabilit
 EXAMPLES = settings(
     max_examples=60, deadline=None, derandomize=True, database=None, suppress_health_check=list(HealthCheck))
 SMALL = {'chains': 12, 'links': 6}  # more only takes longer
-EXTENT = {'fin.youngs_modulus': 1e9, 'fin.span': 1.0, 'fin.thickness': 0.05, 'fin.shear_modulus': 1e8, 'fin.twist_damping': 1.0}  # elsewhere rounding outweighs the rest
+EXTENT = {  # elsewhere rounding outweighs the rest
+    'fin.youngs_modulus': 1e9, 'fin.span': 1.0, 'fin.thickness': 0.05, 'fin.shear_modulus': 1e8,
+    'fin.twist_damping': 1.0}
 
 
 def number(low, high):

@@ -154,7 +154,8 @@ def test_every_parameter_has_an_effect():
     alone = sized(4, 2).replace(water={'current': (0.1, 0.2, 0.3), 'current_deviation': (0.1, 0.2, 0.3)})
     together = alone.replace(solver={'coupling': 'monolithic'})
     assert bits_after_a_swim(alone)['position'] != bits_after_a_swim(together)['position']
-    base = together.replace(water={'added_mass_coefficient': 0.5}, fin={'shear_modulus': 1e6, 'twist_damping': 1e-3})
+    base = together.replace(
+        water={'added_mass_coefficient': 0.5}, fin={'shear_modulus': 1e6, 'twist_damping': 1e-3})
     reference = bits_after_a_swim(base)
     for group, values in dataclasses.asdict(base).items():
         for name, value in values.items():
@@ -164,7 +165,8 @@ def test_every_parameter_has_an_effect():
                 others = [value[:axis] + (1.001 * value[axis] + 1e-4,) + value[axis + 1:]
                           for axis in range(len(value))]
             else:
-                others = [{int: lambda v: v + 1, bool: lambda v: not v, float: lambda v: 0.75 * v + 1e-4}[type(value)](value)]
+                changes = {int: lambda v: v + 1, bool: lambda v: not v, float: lambda v: 0.75 * v + 1e-4}
+                others = [changes[type(value)](value)]
             for other in others:
                 result = bits_after_a_swim(base.replace(**{group: {name: other}}))
                 assert any(result[part] != reference[part] for part in ('position', 'orientation', 'twist')), (

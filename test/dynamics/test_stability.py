@@ -12,11 +12,14 @@ from evidence.references import equations
 from evidence.scenarios import SWIM, largest_rate, sized
 from manta_sim_ros.dynamics import (
     FinCommand,
+    ModelWarning,
     Parameters,
     Simulator,
     StabilityWarning,
+    body_warning,
     fin_dynamics,
     largest_stable_step,
+    turn_warning,
 )
 from manta_sim_ros.dynamics.harmonic import straight_fins
 from manta_sim_ros.dynamics.stability import SAFETY, STEPS_PER_PERIOD, step_warning
@@ -221,3 +224,65 @@ def test_bad_commands_are_refused_by_name():
     ):
         with pytest.raises(ValueError, match=words):
             largest_stable_step(Parameters(), left, right)
+
+
+ADDED_MASS = {'added_mass': (1.4, 2.1, 106.0, 1.15, 2.4, 0.01)}
+DAMPING = {'quadratic_damping': (0.0, 0.0, 0.0, 2.7, 0.0, 0.0), 'linear_damping': (0.0, 0.0, 0.0, 0.0, 0.0, 0.1)}
+
+
+@pytest.mark.parametrize(('body', 'undamped'), [
+    (ADDED_MASS, 'roll and yaw'), ({**ADDED_MASS, 'linear_damping': DAMPING['linear_damping']}, 'roll'),
+    ({**ADDED_MASS, 'quadratic_damping': DAMPING['quadratic_damping']}, 'yaw')])
+def test_added_mass_without_damping_in_roll_and_yaw_is_warned_of(body, undamped):
+    reason = rf'^body\.added_mass is \[1\.4, .*no damping in {undamped}: .*linear_damping'
+    with pytest.warns(ModelWarning, match=reason):
+        Simulator(sized(4, 2).replace(body=body))
+
+
+@pytest.mark.parametrize('body', [{}, DAMPING, {**ADDED_MASS, **DAMPING}])
+def test_a_damped_body_and_one_without_added_mass_are_not_warned_of(body):
+    assert body_warning(sized(4, 2).replace(body=body)) is None
+
+
+def test_chordwise_instability_in_a_turn_is_warned_of_once():
+    simulator = Simulator(sized(30, 3))
+    left = dataclasses.replace(SWIM, frequency=0.8)
+    simulator.command(left=left, right=dataclasses.replace(left, amplitude=0.35))
+    reason = r'chordwise instability .* 0\.34 m/s .* fin\.chains, 30, .*fin\.shear_modulus'
+    with pytest.warns(ModelWarning, match=reason) as seen:
+        for _ in range(50):
+            simulator.advance(0.1)
+    assert len(seen) == 1
+    assert turn_warning(simulator.parameters, simulator.state) is not None
+
+
+@pytest.mark.parametrize(('fin', 'right'), [
+    ({'chains': 30}, SWIM), ({'chains': 8, 'shear_modulus': 1e5}, dataclasses.replace(SWIM, amplitude=0.3))],
+    ids=['straight', 'resistance to twist'])
+def test_fins_that_are_stable_or_swim_straight_are_not_warned_of(fin, right):
+    simulator = Simulator(Parameters().replace(fin=fin))
+    simulator.command(left=SWIM, right=right)
+    with warnings.catch_warnings():
+        warnings.simplefilter('error', ModelWarning)
+        for _ in range(100):
+            simulator.advance(0.1)
+
+
+@pytest.mark.parametrize('coupling', ['sequential', 'monolithic'])
+@pytest.mark.parametrize(('chains', 'share'), [(8, 0.1), (8, 1.0), (12, 1.0), (30, 0.1)])
+def test_the_step_of_fins_that_resist_twist_is_that_of_the_shortest_wave_along_the_chord(chains, share, coupling):
+    parameters = Parameters().replace(
+        fin={'chains': chains, 'shear_modulus': share * 1e8 / 2.6}, solver={'coupling': coupling})
+    estimate = largest_stable_step(parameters, SWIM, SWIM)
+    expected = largest_rate(parameters, estimate / 8.0, SWIM, SWIM, 1.0)
+    assert largest_rate(parameters, estimate, SWIM, SWIM, 1.0) < 2.0 * expected
+    assert largest_rate(parameters, 1.15 * estimate, SWIM, SWIM, 1.0) > 2.0 * expected  # measured: from 1.06 on
+
+
+def test_damping_of_the_body_bounds_the_step_of_the_staggered_coupling():
+    def step(damping):
+        return largest_stable_step(Parameters().replace(
+            water={'density': 0.0}, body={'linear_damping': (damping, 0.0, 0.0, 0.0, 0.0, 0.0)}), REST, REST)
+
+    # 2 m / D of Euler's scheme, less what the fins feel one step late: a ninth of the mass of the body; measured: 0.88
+    assert 0.8 < step(1e5) / (SAFETY * 2.0 * 20.0 / 1e5) < 1.0

@@ -152,7 +152,7 @@ def support_motion(rods: RodConstants, front: Rod, rear: Rod, body: BodyMotion) 
 def rod_torques(rods: RodConstants, front: Rod, rear: Rod, on_body: Wrench) -> tuple[float, float]:
     """Return the torques of the front and the rear motor [N m] that balance the wrench of the left fin on the body.
 
-    The mechanism has no mass. So by virtual power the torque of a rod is minus the wrench on the support, about A, times
+    The mechanism has no mass. So by virtual power the torque of a rod is minus the wrench on the support about A times
     the support's twist at a unit rate of this rod. `on_body` is about the center of mass, in F_b.
     """
     return _rod_torque(rods, front, rear, on_body, 1.0, 0.0), _rod_torque(rods, front, rear, on_body, 0.0, 1.0)
@@ -164,7 +164,8 @@ def _rod_torque(
 ) -> float:
     none = (0.0, 0.0, 0.0)
     support = support_motion(
-        rods, Rod(front.angle, front_rate, 0.0), Rod(rear.angle, rear_rate, 0.0), BodyMotion(none, none, none, none))
+        rods, Rod(front.angle, front_rate, 0.0), Rod(rear.angle, rear_rate, 0.0),
+        BodyMotion(none, none, none, none))
     force = rotate_back(support.rotation, on_body.force)
     moment = rotate_back(support.rotation, subtract(on_body.moment, cross(support.position, on_body.force)))
     return -(dot(force, support.velocity) + dot(moment, support.omega))

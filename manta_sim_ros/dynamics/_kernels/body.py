@@ -52,6 +52,8 @@ def body_wrench(
     if body.moves_water:
         in_water = _water_load(body, rotation, relative, omega, current)
         force, moment = add(force, in_water.force), add(moment, in_water.moment)
+    if body.unsupported_weight != 0.0:
+        force = add(force, rotate_back(rotation, (0.0, 0.0, -body.unsupported_weight)))
     of_body, of_world = inputs.body_wrench, inputs.world_wrench
     return Wrench(
         add(force, add(of_body.force, rotate_back(rotation, of_world.force))),
@@ -65,9 +67,9 @@ def _water_load(
 ) -> Wrench:
     """Return what the water does to the body beyond the paper, but for its added mass times its acceleration, in F_b.
 
-    Fossen's equations of a body in a current that is steady and uniform: with the momentum (p, h) = M_A nu_r of the added
-    mass, -(Omega x p, Omega x h + V_r x p) and, as nu_r-dot = nu-dot + (Omega x v_c, 0), the part of it that is known;
-    linear and quadratic damping by component; and the net buoyancy. `relative` is V_r.
+    Fossen's equations of a body in a steady, uniform current. The momentum of the added mass, (p, h) = M_A nu_r, gives
+    -(Omega x p, Omega x h + V_r x p), and -M_A (Omega x v_c, 0), because nu_r-dot = nu-dot + (Omega x v_c, 0). Damping,
+    linear and quadratic, acts by component, and the net buoyancy at r_b. `relative` is V_r.
     """
     mass, linear, quadratic = body.added_mass, body.linear_damping, body.quadratic_damping
     p = (mass[0] * relative[0], mass[1] * relative[1], mass[2] * relative[2])

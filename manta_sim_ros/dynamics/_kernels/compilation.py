@@ -42,6 +42,11 @@ def kernel(function: Callable[..., Any]) -> Any:
     return numba.njit(**_OPTIONS)(function)
 
 
+def rare_kernel(function: Callable[..., Any]) -> Any:
+    """Compile a function that kernels call rarely, as `kernel` does, but by itself, which is faster to compile."""
+    return numba.njit(**{**_OPTIONS, 'forceinline': False})(function)
+
+
 def entry_kernel(function: Callable[..., Any]) -> Any:
     """Compile a function that Python calls, as `kernel` does, and keep it on disk from one start to the next.
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import pi
+from math import hypot, pi
 from typing import NamedTuple
 
 import numpy as np
@@ -10,6 +10,9 @@ import numpy as np
 from manta_sim_ros.dynamics._kernels.layout import stations
 from manta_sim_ros.dynamics.parameters import Parameters
 from manta_sim_ros.dynamics.quantity import FloatArray, SixVector, Vector
+
+LEAST_HEIGHT, GREATEST_HEIGHT = 0.01, 1.0
+"""Bounds of the height of the body as a slab [m]."""
 
 
 class FinConstants(NamedTuple):
@@ -26,6 +29,9 @@ class FinConstants(NamedTuple):
     added_mass: float  # C_a rho_a pi L dl / 4 [kg/m]
     twist_stiffness: float  # G h^3 dl / (3 ds^2) [N]
     twist_damping: float  # c_t dl / ds^2 [N s]
+    span: float  # [m]
+    thickness: float  # h [m]
+    link_weight: float  # rho_f h dl g, out of the water [N/m]
 
 
 class RodConstants(NamedTuple):
@@ -52,6 +58,8 @@ class BodyConstants(NamedTuple):
     linear_damping: SixVector  # [N s/m, N m s]
     quadratic_damping: SixVector  # [N s^2/m^2, N m s^2]
     net_buoyancy: float  # [N]
+    unsupported_weight: float  # that buoyancy does not carry, 0 under water [N]
+    height: float  # of the slab that crosses the surface [m]
 
 
 class Constants(NamedTuple):
@@ -62,6 +70,8 @@ class Constants(NamedTuple):
     body: BodyConstants
     time_step: float  # [s]
     fixed_base: bool
+    surface_height: float  # world frame [m]
+    reach: float  # no part of the robot is farther from the center of mass [m]
 
 
 def constants(parameters: Parameters) -> Constants:
@@ -85,6 +95,9 @@ def constants(parameters: Parameters) -> Constants:
             ),
             twist_stiffness=fin.shear_modulus * fin.thickness**3 / 3.0 * link_length / chain_spacing**2,
             twist_damping=fin.twist_damping * link_length / chain_spacing**2,
+            span=fin.span,
+            thickness=fin.thickness,
+            link_weight=fin.density * fin.thickness * link_length * body.gravity,
         ),
         rods=RodConstants(
             rods.front_radius, rods.rear_radius, rods.support_length, rods.rear_motor_position,
@@ -94,8 +107,20 @@ def constants(parameters: Parameters) -> Constants:
             body.mass, body.inertia, tuple(drag.tolist()), body.angular_damping,
             body.buoyancy_center, body.mass * body.gravity,
             any((*body.added_mass, *body.linear_damping, *body.quadratic_damping, body.net_buoyancy)),
-            body.added_mass, body.linear_damping, body.quadratic_damping, body.net_buoyancy,
+            body.added_mass, body.linear_damping, body.quadratic_damping, body.net_buoyancy, 0.0,
+            slab_height(parameters),
         ),
         time_step=parameters.solver.time_step,
         fixed_base=parameters.solver.fixed_base,
+        surface_height=water.surface_height,
+        reach=max(
+            hypot(*rods.rear_motor_position) + max(rods.front_radius, rods.rear_radius)
+            + rods.support_length + fin.span + fin.thickness,
+            hypot(*body.buoyancy_center) + slab_height(parameters)),
     )
+
+
+def slab_height(parameters: Parameters) -> float:
+    """Return the height of the body as a slab that crosses the surface [m]: its displacement over its plan area."""
+    displacement = parameters.body.mass / max(parameters.water.added_mass_density, 1.0)
+    return min(max(displacement / max(parameters.body.drag_area[2], 1e-3), LEAST_HEIGHT), GREATEST_HEIGHT)

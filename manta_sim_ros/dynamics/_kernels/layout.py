@@ -52,6 +52,7 @@ class Links(NamedTuple):
     slope: FloatArray
     load: FloatArray  # of the water along (slope, -s, c) [N/m]
     mu: FloatArray  # added mass over 1 + slope^2 [kg/m]
+    weight: FloatArray  # that no water carries [N/m]
 
 
 _KEPT = Links._fields.index('w')
@@ -164,7 +165,7 @@ def links_of(work: Workspace, side: int) -> Links:
     a, b = work.kept[side], work.shared
     return Links(
         a[0], a[1], a[2], a[3], a[4], a[5], a[6], a[7], a[8], a[9], a[10], a[11], a[12], a[13], a[14], a[15], a[16],
-        a[17], b[0], b[1], b[2], b[3], b[4], b[5], b[6], b[7], b[8],
+        a[17], b[0], b[1], b[2], b[3], b[4], b[5], b[6], b[7], b[8], b[9],
     )
 
 

@@ -72,6 +72,18 @@ from manta_sim_ros.dynamics._kernels.runge_kutta import (
     next_stage,
     next_stage_of_joints,
 )
+from manta_sim_ros.dynamics._kernels.waterline import (
+    Surface,
+    add_weight,
+    body_at_surface,
+    deep,
+    dry_links,
+    parts_of_step,
+    surface_at_body,
+    surface_at_support,
+    weight_along_support,
+    with_parts,
+)
 from manta_sim_ros.dynamics.quantity import Vector
 
 MIRROR = (1.0, -1.0, 1.0, -1.0, 1.0, -1.0)
@@ -80,15 +92,24 @@ MIRROR = (1.0, -1.0, 1.0, -1.0, 1.0, -1.0)
 
 @kernel
 def _find_fin_inertia(
-    fin: FinConstants, support: SupportMotion, current: Vector, links: Links, chains: Chains, arrays: BodyArrays,
+    fin: FinConstants, support: SupportMotion, current: Vector, surface: Surface, links: Links, chains: Chains,
+    arrays: BodyArrays,
 ) -> None:
-    """Find the inertia and bias of a fin as its support feels it, about A. `current` is in F_0."""
+    """Find the inertia and bias of a fin as its support feels it, about A. `current` and `surface` are in F_0."""
     link_motion(fin, links, chains)
     add_twist_torques(fin, links, chains)
     surface_slopes(fin, links)
     water_loads(fin, subtract(support.velocity, current), support.omega, links)
+    dry = surface.is_near and dry_links(fin, surface, support, current, links)
     articulated_inertia(fin, support.omega, 0.0, links, chains)
+    if dry:
+        add_weight(fin, surface, links, chains)
     fin_inertia(fin, support.omega, links, chains, arrays)
+    if dry:
+        along = weight_along_support(fin, surface, links)
+        for i in range(3):
+            arrays.bias[i] -= along.force[i]
+            arrays.bias[3 + i] -= along.moment[i]
 
 
 @kernel
@@ -141,24 +162,28 @@ def _accelerations(constants: Constants, inputs: Inputs, elapsed: float, motion:
     fin, rods, arrays = constants.fin, constants.rods, work.body
     chains, state = chains_of(work), arrays.state[0]
     rotation = attitude(state)
-    current = rotate_back(rotation, inputs.current)
+    current, surface = rotate_back(rotation, inputs.current), surface_at_body(constants, state[2], rotation)
     for side in range(2):
         links = links_of(work, side)
         front, rear = rod_motion(rods, gait_of(motion, side), elapsed)
         support = support_motion(rods, front, rear, body_motion(side, state[7:], arrays.at_rest))
         current_0 = rotate_back(support.rotation, mirror_polar(current, side))
-        _find_fin_inertia(fin, support, current_0, links, chains, arrays)
+        surface_0 = surface_at_support(surface, side, support)
+        _find_fin_inertia(fin, support, current_0, surface_0, links, chains, arrays)
         _couple_fin(side, support, arrays)
         motion.rod_angles[side, 0], motion.rod_angles[side, 1] = front.angle, rear.angle
     if not constants.fixed_base:
-        load = body_wrench(constants.body, inputs, rotation, vector_at(state, 7), vector_at(state, 10), current)
-        if not solve_body(constants.body, load, arrays):
+        body, velocity, omega = constants.body, vector_at(state, 7), vector_at(state, 10)
+        if surface.is_near:
+            body = body_at_surface(body, surface, velocity, omega)
+        load = body_wrench(body, inputs, rotation, velocity, omega, current)
+        if not solve_body(body, load, arrays):
             return False
         body_derivative(state, rotation, arrays.acceleration, arrays.slope[0])
     for side in range(2):
         a, omega_dot = _support_acceleration(side, arrays)
-        omega = vector_at(arrays.omega[side], 0)
-        _find_joint_accelerations(fin, a, omega, omega_dot, links_of(work, side), chains)
+        omega_0 = vector_at(arrays.omega[side], 0)
+        _find_joint_accelerations(fin, a, omega_0, omega_dot, links_of(work, side), chains)
     return True
 
 
@@ -203,17 +228,21 @@ def advance(
         state[7 + i] = motion.twist[i]
     load_joints(motion, work)
     for step in range(steps):
-        solved = _step(constants, inputs, motion, work)
-        for side in range(2):
-            diverged = diverged_chain(links_of(work, side), fin.chains)
-            if diverged >= 0:
-                return step, FIN_DIVERGED, side, diverged
-        if not solved:
-            return step, NO_SOLUTION, 0, 0
-        if not constants.fixed_base:
-            normalize(state)
-        if not slower_than(FASTEST, state[7:]):
-            return step, BODY_DIVERGED, 0, 0
+        surface = surface_at_body(constants, state[2], attitude(state))
+        parts = parts_of_step(constants, surface, state[7:], motion.rod_angles, work)
+        part = with_parts(constants, parts)
+        for _ in range(parts):
+            solved = _step(part, inputs, motion, work)
+            for side in range(2):
+                diverged = diverged_chain(links_of(work, side), fin.chains)
+                if diverged >= 0:
+                    return step, FIN_DIVERGED, side, diverged
+            if not solved:
+                return step, NO_SOLUTION, 0, 0
+            if not constants.fixed_base:
+                normalize(state)
+            if not slower_than(FASTEST, state[7:]):
+                return step, BODY_DIVERGED, 0, 0
     if not _accelerations(constants, inputs, 0.0, motion, work):
         return steps, NO_SOLUTION, 0, 0
     store_joints(work, motion)
@@ -241,7 +270,7 @@ def evaluate(constants: Constants, side: int, state: FinState, work: Workspace) 
     rear = Rod(state.rods[1, 0], state.rods[1, 1], state.rods[1, 2])
     support = support_motion(constants.rods, front, rear, body_motion(side, state.body_twist, state.body_acceleration))
     a, omega, omega_dot = support_acceleration(support).at_a, support.omega, support.omega_dot
-    _find_fin_inertia(fin, support, (0.0, 0.0, 0.0), links, chains, work.body)
+    _find_fin_inertia(fin, support, (0.0, 0.0, 0.0), deep(), links, chains, work.body)
     _find_joint_accelerations(fin, a, omega, omega_dot, links, chains)
     wrench = wrench_on_body(support, wrench_at_support(a, omega_dot, work.body))
     from_rows(links.q_ddot, state.joint_accelerations)

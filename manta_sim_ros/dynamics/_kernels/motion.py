@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from manta_sim_ros.dynamics._kernels.actuation import rod_torques
-from manta_sim_ros.dynamics._kernels.compilation import kernel
+from manta_sim_ros.dynamics._kernels.compilation import kernel, rare_kernel
 from manta_sim_ros.dynamics._kernels.constants import RodConstants
 from manta_sim_ros.dynamics._kernels.gait import Gait, rod_motion
 from manta_sim_ros.dynamics._kernels.geometry import Wrench, mirror_axial, mirror_polar, vector_at
@@ -93,7 +93,7 @@ def store_wrench(wrench: Wrench, side: int, wrenches: FloatArray) -> None:
         wrenches[side, axis], wrenches[side, 3 + axis] = force[axis], moment[axis]
 
 
-@kernel
+@rare_kernel
 def store_rods(rods: RodConstants, motion: Motion) -> None:
     """Fill rates and torques of the rods, of the present gait and the wrenches of the fins."""
     for side in range(2):

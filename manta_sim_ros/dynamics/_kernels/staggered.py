@@ -23,6 +23,7 @@ from manta_sim_ros.dynamics._kernels.geometry import (
     Rotation,
     Wrench,
     add,
+    cross,
     integrate_quaternion,
     mirror_axial,
     mirror_polar,
@@ -54,29 +55,50 @@ from manta_sim_ros.dynamics._kernels.runge_kutta import (
     end_joints,
     next_stage_of_joints,
 )
+from manta_sim_ros.dynamics._kernels.waterline import (
+    Surface,
+    add_weight,
+    body_at_surface,
+    deep,
+    dry_links,
+    parts_of_step,
+    surface_at_body,
+    surface_at_support,
+    weight_along_support,
+    with_parts,
+)
 from manta_sim_ros.dynamics.quantity import Vector
 
 
 @kernel
 def _fin_accelerations(
-    fin: FinConstants, support: SupportMotion, current: Vector, links: Links, chains: Chains,
-) -> SupportAcceleration:
-    """Find the accelerations of a fin's joints; return that of its support. `current` is in F_0."""
+    fin: FinConstants, support: SupportMotion, current: Vector, surface: Surface, links: Links, chains: Chains,
+) -> tuple[SupportAcceleration, bool]:
+    """Find the accelerations of a fin's joints; return that of its support, and whether any link is above the water.
+
+    `current` and `surface` are in F_0.
+    """
     link_motion(fin, links, chains)
     add_twist_torques(fin, links, chains)
     surface_slopes(fin, links)
     water_loads(fin, subtract(support.velocity, current), support.omega, links)
+    dry = surface.is_near and dry_links(fin, surface, support, current, links)
     articulated_inertia(fin, support.omega, support.omega_dot[0], links, chains)
+    if dry:
+        add_weight(fin, surface, links, chains)
     acceleration = support_acceleration(support)
     joint_accelerations(fin, acceleration, 0.0, links, chains)
-    return acceleration
+    return acceleration, dry
 
 
 @kernel
-def _step_fin(constants: Constants, side: int, current: Vector, motion: Motion, work: Workspace) -> int:
+def _step_fin(
+    constants: Constants, side: int, current: Vector, surface: Surface, motion: Motion, work: Workspace,
+) -> int:
     """Take the step of one fin, the body's motion held; return the chain that diverged, or -1.
 
-    `current` is in F_b. Four stages of Runge and Kutta, and at the step's end a fifth evaluation for the wrench.
+    `current` and `surface` are in F_b. Four stages of Runge and Kutta, and at the step's end a fifth evaluation for the
+    wrench.
     """
     fin, rods, time_step = constants.fin, constants.rods, constants.time_step
     links, chains = links_of(work, side), chains_of(work)
@@ -86,7 +108,8 @@ def _step_fin(constants: Constants, side: int, current: Vector, motion: Motion, 
         front, rear = rod_motion(rods, gait, NODES[stage] * time_step)
         support = support_motion(rods, front, rear, body)
         current_0 = rotate_back(support.rotation, mirror_polar(current, side))
-        acceleration = _fin_accelerations(fin, support, current_0, links, chains)
+        surface_0 = surface_at_support(surface, side, support)
+        acceleration, dry = _fin_accelerations(fin, support, current_0, surface_0, links, chains)
         if stage < STAGES:
             next_stage_of_joints(links, stage, time_step)
         if stage == STAGES - 1:
@@ -95,6 +118,9 @@ def _step_fin(constants: Constants, side: int, current: Vector, motion: Motion, 
     if diverged >= 0:
         return diverged
     wrench = support_wrench(fin, support, acceleration, links, chains)
+    if dry:
+        along = weight_along_support(fin, surface_0, links)
+        wrench = Wrench(add(wrench.force, along.force), add(wrench.moment, along.moment))
     store_wrench(wrench_on_body(support, wrench), side, motion.fin_wrenches)
     motion.rod_angles[side, 0], motion.rod_angles[side, 1] = front.angle, rear.angle
     motion.cycle_angles[side] = advance_gait(gait, rods.time_constant, time_step)
@@ -102,17 +128,26 @@ def _step_fin(constants: Constants, side: int, current: Vector, motion: Motion, 
 
 
 @kernel
-def _step_body(constants: Constants, inputs: Inputs, rotation: Rotation, current: Vector, motion: Motion) -> bool:
+def _step_body(
+    constants: Constants, inputs: Inputs, rotation: Rotation, current: Vector, surface: Surface, motion: Motion,
+) -> bool:
     """Take the step of the body by forward Euler, the fins' wrenches known; return whether it is not too fast.
 
-    `rotation` is R_b; `current` is in F_b.
+    `rotation` is R_b; `current` and `surface` are in F_b.
     """
-    time_step, twist, wrenches = constants.time_step, motion.twist, motion.fin_wrenches
+    body, time_step, twist, wrenches = constants.body, constants.time_step, motion.twist, motion.fin_wrenches
     velocity, omega = vector_at(twist, 0), vector_at(twist, 3)
-    load = body_wrench(constants.body, inputs, rotation, velocity, omega, current)
+    if surface.is_near:
+        body = body_at_surface(body, surface, velocity, omega)
+    load = body_wrench(body, inputs, rotation, velocity, omega, current)
     force = add(load.force, add(vector_at(wrenches[0], 0), vector_at(wrenches[1], 0)))
     moment = add(load.moment, add(vector_at(wrenches[0], 3), vector_at(wrenches[1], 3)))
-    velocity_dot, omega_dot = body_acceleration(constants.body, Wrench(force, moment))
+    velocity_dot, omega_dot = body_acceleration(body, Wrench(force, moment))
+    if body.unsupported_weight != 0.0:  # the second order, which Euler's scheme lacks, keeps the energy of a free fall
+        velocity_dot_0 = add(velocity_dot, cross(omega, velocity))
+        velocity = (
+            velocity[0] + 0.5 * time_step * velocity_dot_0[0], velocity[1] + 0.5 * time_step * velocity_dot_0[1],
+            velocity[2] + 0.5 * time_step * velocity_dot_0[2])
     position_dot = rotate(rotation, velocity)
     integrate_quaternion(motion.orientation, omega, time_step)
     for axis in range(3):
@@ -132,14 +167,19 @@ def advance(
         return 0, 0, 0, 0
     load_joints(motion, work)
     for step in range(steps):
-        rotation = rotation_of(motion.orientation)
-        current = rotate_back(rotation, inputs.current)
-        for side in range(2):
-            diverged = _step_fin(constants, side, current, motion, work)
-            if diverged >= 0:
-                return step, FIN_DIVERGED, side, diverged
-        if not constants.fixed_base and not _step_body(constants, inputs, rotation, current, motion):
-            return step, BODY_DIVERGED, 0, 0
+        surface = surface_at_body(constants, motion.position[2], rotation_of(motion.orientation))
+        parts = parts_of_step(constants, surface, motion.twist, motion.rod_angles, work)
+        part = with_parts(constants, parts)
+        for _ in range(parts):
+            rotation = rotation_of(motion.orientation)
+            current = rotate_back(rotation, inputs.current)
+            surface = surface_at_body(constants, motion.position[2], rotation)
+            for side in range(2):
+                diverged = _step_fin(part, side, current, surface, motion, work)
+                if diverged >= 0:
+                    return step, FIN_DIVERGED, side, diverged
+            if not constants.fixed_base and not _step_body(part, inputs, rotation, current, surface, motion):
+                return step, BODY_DIVERGED, 0, 0
     store_joints(work, motion)
     store_rods(constants.rods, motion)
     return steps, 0, 0, 0
@@ -155,7 +195,7 @@ def evaluate(constants: Constants, side: int, state: FinState, work: Workspace) 
     rear = Rod(state.rods[1, 0], state.rods[1, 1], state.rods[1, 2])
     body = body_motion(side, state.body_twist, state.body_acceleration)
     support = support_motion(constants.rods, front, rear, body)
-    acceleration = _fin_accelerations(constants.fin, support, (0.0, 0.0, 0.0), links, chains)
+    acceleration, _ = _fin_accelerations(constants.fin, support, (0.0, 0.0, 0.0), deep(), links, chains)
     wrench = wrench_on_body(support, support_wrench(constants.fin, support, acceleration, links, chains))
     from_rows(links.q_ddot, state.joint_accelerations)
     return mirror_polar(wrench.force, side), mirror_axial(wrench.moment, side)
