@@ -97,6 +97,7 @@ def figure_blocks(results: Results) -> list[str]:
     wave, thrust, straight = results.figure_7, results.figure_8, results.figure_9
     (many, turns), (few, few_turns) = list(results.turning.by_chains.items())
     set_1, set_2 = turns
+    water_1, water_2 = results.turning.in_water
     usual = straight.swims[[one.amplitude for one in straight.swims].index(40.0)]
     return [
         '### Figure 7: the wave along the chord and along the span',
@@ -131,15 +132,26 @@ def figure_blocks(results: Results) -> list[str]:
             'until then. In the first period, before the instability sets in, the yaw rates of the two sets are '
             f'{listed(turn.yaw_rates[0] for turn in turns)}°/s with {many} chains and '
             f'{listed(turn.yaw_rates[0] for turn in few_turns)}°/s with {few} chains.'),
+        prose(
+            'The third column shows the same turns with twist stiffness and a body in water, which the paper leaves '
+            'out: the robot of `config/freshwater.yaml`. Its fins resist twist along the chord, so that the '
+            'chordwise instability does not set in, and its body has added mass and quadratic damping, which brake the '
+            f'yaw. Set 1 ends with {water_1.turning_rate:.1f}°/s on a radius of {water_1.turning_radius:.2f} m, and '
+            f'set 2 with {water_2.turning_rate:.1f}°/s on a radius of {water_2.turning_radius:.2f} m. The number of '
+            'chains does not change these turns; [Validation](validation.md) measures this and compares them with '
+            'mantas.'),
         picture(
             'paper/figure_10.png',
             'Trajectories of the center of mass; dots are their ends. The left column has the number of chains of the '
-            'paper, and the right column has fewer chains.'),
+            'paper, the center column has fewer chains, and the right column has twist stiffness and a body in water. '
+            'The scales differ.'),
         '### Figure 11: the wrench in the turns',
         prose('The figure shows the force and the moment of both fins on the body about its center of mass, in the '
               'body frame. The last row shows the averaged M_z again on a larger scale. The moment of set 1 is '
               'larger at first and decreases as the robot turns. The moment of set 2 remains until the chordwise '
-              'instability sets in.'),
+              'instability sets in. With twist stiffness and a body in water (right) both moments are steady after a '
+              'few periods: they balance the quadratic damping of yaw. The moments and the heave force are larger '
+              'there, because the fins are not unstable and have added mass.'),
         picture('paper/figure_11.png', 'Components of the wrench against time.'),
     ]
 

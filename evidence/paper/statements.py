@@ -278,6 +278,7 @@ def _turns(turning: Turning) -> list[Statement]:
     first = [[turn.mean_wrenches[0, 5] for turn in turns] for turns in (with_many, with_few)]
     peak = [np.abs(turn.record.wrench[:turn.record.samples, 5]).max() for turn in with_many]
     circle, spin = with_many[1], with_few[1]
+    in_water = turning.in_water
     begin, lasting = steady_stretch(spin)
     lasting_many = steady_stretch(circle)[1]
     moments, rates = spin.mean_wrenches[begin:begin + lasting, 5], spin.yaw_rates[begin:begin + lasting]
@@ -290,13 +291,16 @@ def _turns(turning: Turning) -> list[Statement]:
             'In the second period the yaw rates of set 1 and set 2 are '
             f'{listed((turn.yaw_rates[1] for turn in with_many), 0)}°/s, where a negative rate is a turn to the right. '
             f'At the end they are {listed(turn.turning_rate for turn in with_many)}°/s, on circles with radii of '
-            f'{listed((turn.turning_radius for turn in with_many), 2)} m.'),
+            f'{listed((turn.turning_radius for turn in with_many), 2)} m. With twist stiffness and a body in water they '
+            f'end with {listed(turn.turning_rate for turn in in_water)}°/s and '
+            f'{listed((turn.turning_radius for turn in in_water), 2)} m.'),
         Statement(
             'Section 5.2, Figure 11', 'the turning mode, which involves altering the phase difference, ϕ_l and ϕ_r, '
             'exhibits a higher rotational acceleration during the initial stages of motion',
             graded(all(abs(one) > abs(two) for one, two in first)),
             f'In the first period the mean of M_z is {listed(first[0], 2)} N m for set 1 and set 2, and its largest '
-            f'magnitude is {listed(peak, 2)} N m.'),
+            f'magnitude is {listed(peak, 2)} N m. With twist stiffness and a body in water the mean is '
+            f'{listed((turn.mean_wrenches[0, 5] for turn in in_water), 2)} N m.'),
         Statement(
             'Section 5.2, Figure 11', 'the turning mode associated with amplitude variations, Am_l and Am_r, can '
             'consistently generate a stable driving moment',
@@ -305,7 +309,10 @@ def _turns(turning: Turning) -> list[Statement]:
             f'stays within {100.0 * STEADY_MOMENT:.0f} % of {moments.mean():.2f} N m for {lasting} periods. With '
             f'{many} chains it is stable for only {lasting_many} periods, because the chordwise instability sets '
             f'in. The mean M_z of set 1 is below half of its first value in period {halved(with_few[0])} with {few} '
-            f'chains, and in period {halved(with_many[0])} with {many} chains.'),
+            f'chains, and in period {halved(with_many[0])} with {many} chains. With twist stiffness and a body in '
+            f'water the moments of both sets are stable: for {listed((steady_stretch(turn)[1] for turn in in_water), 0)} '
+            f'of {len(in_water[0].yaw_rates)} periods they stay within {100.0 * STEADY_MOMENT:.0f} % of '
+            f'{listed((_stable_moment(turn) for turn in in_water), 2)} N m.'),
         Statement(
             'Section 5.2, Figure 11', 'making it suitable for cruising swimming with circular trajectories',
             graded(all(_circles(turns[1]) for turns in (with_many, with_few)), _circles(circle)),
@@ -313,7 +320,10 @@ def _turns(turning: Turning) -> list[Statement]:
             f'm{_from(circle)}. But fins that are stable along their chords hardly brake the yaw: with {few} chains '
             f'M_z changes only from {moments[0]:.2f} to {moments[-1]:.2f} N m, while the yaw rate changes from '
             f'{rates[0]:.0f} to {rates[-1]:.0f}°/s, and the robot finally spins on the spot. The turn becomes '
-            'tighter until the chordwise instability sets in, so the number of chains determines the result.'),
+            'tighter until the chordwise instability sets in, so the number of chains determines the result. With '
+            'twist stiffness and a body in water it does not: the robot settles on a circle with a radius of '
+            f'{in_water[1].turning_radius:.2f} m{_from(in_water[1])}, which is narrower than the span of a fin, so that '
+            'the inner fin moves backward.'),
         Statement(
             'Section 6', 'we have been able to numerically recover the characteristic hydrodynamic forces of the '
             'robotic '
@@ -338,6 +348,12 @@ def steady_stretch(turn: Turn) -> tuple[int, int]:
             if np.all(np.abs(inside - inside.mean()) <= STEADY_MOMENT * abs(inside.mean())):
                 best = (begin, end - begin)
     return best
+
+
+def _stable_moment(turn: Turn) -> float:
+    """Return the mean M_z [N m] of the longest stretch in which it is stable."""
+    begin, length = steady_stretch(turn)
+    return float(turn.mean_wrenches[begin:begin + length, 5].mean())
 
 
 def halved(turn: Turn) -> int:

@@ -67,7 +67,7 @@ class Measurement(NamedTuple):
 _MEASUREMENTS = (  # the longest first, so that no core is idle at the end
     Measurement(
         ('figure_8',), len(figure_8.FREQUENCIES) * (len(figure_8.AMPLITUDES) + len(figure_8.PHASES)), _figure_8),
-    Measurement(('figure_10', 'figure_11'), 2 * len(TURNS), _turns),
+    Measurement(('figure_10', 'figure_11'), 3 * len(TURNS), _turns),
     Measurement(('figure_9',), len(figure_9.AMPLITUDES), _figure_9),
     Measurement(('figure_7',), 1, _figure_7),
 )

@@ -29,15 +29,15 @@ class Figure10:
         columns = {'time [s]': self.turning.turns[0].record.time}
         for turn in self.turning.turns:
             for axis, values in zip('xyz', turn.record.position.T, strict=True):
-                columns[f'{axis}, {turn.name}, {turn.chains} chains [m]'] = values
+                columns[f'{axis}, {turn.name}, {turn.robot} [m]'] = values
         return columns
 
     def draw(self, figure: Figure) -> None:
-        """Draw a column for each number of chains, with the plan view above and the view in space below."""
-        by_chains = self.turning.by_chains
-        for column, (chains, turns) in enumerate(by_chains.items(), start=1):
-            plan = figure.add_subplot(2, len(by_chains), column)
-            space: Any = figure.add_subplot(2, len(by_chains), len(by_chains) + column, projection='3d')
+        """Draw a column for each robot: above the plan view, below the view in space, where z is enlarged."""
+        by_robot = self.turning.by_robot
+        for column, (name, turns) in enumerate(by_robot.items(), start=1):
+            plan = figure.add_subplot(2, len(by_robot), column)
+            space: Any = figure.add_subplot(2, len(by_robot), len(by_robot) + column, projection='3d')
             for turn in turns:
                 style, color = LINES[turn.name]
                 x, y, z = turn.record.position.T
@@ -47,18 +47,24 @@ class Figure10:
             plan.set_aspect('equal', adjustable='datalim')
             plan.set_xlabel('x, ahead [m]')
             plan.set_ylabel('y, to the left [m]')
-            plan.set_title(f'{chains} chains per fin', fontsize=9)
-            plan.legend(loc='upper center', bbox_to_anchor=(0.5, -0.2))
+            plan.set_title(title(name), fontsize=9)
+            plan.legend(loc='upper center', bbox_to_anchor=(0.5, -0.2), fontsize=7)
             for axis in 'xyz':
                 space.locator_params(axis=axis, nbins=4)
-            space.set(xlabel='x [m]', ylabel='y [m]', zlabel='z, enlarged [m]')
+            space.set(xlabel='x [m]', ylabel='y [m]', zlabel='z [m]')
             space.tick_params(labelsize=7)
-            space.set_box_aspect((1.0, 1.0, 0.6), zoom=0.85)
+            space.set_box_aspect((1.0, 1.0, 0.6), zoom=0.8)
         periods = self.turning.turns[0].record.periods
         figure.suptitle(f'Turns from rest at the origin, f = {TURN_FREQUENCY:g} Hz, {periods} periods', fontsize=10)
+
+
+def title(name: str) -> str:
+    """Return the title of the column of a robot, in two lines."""
+    chains, _, more = name.partition(', ')
+    return f'{chains} per fin\n{more or "model of the paper"}'
 
 
 def described(turn: Turn) -> str:
     """Return rate and radius of the turn, and whether it is steady, in words."""
     steady = 'not steady' if turn.steady_from is None else f'steady from period {turn.steady_from + 1}'
-    return f'{turn.name}: {turn.turning_rate:.1f} °/s, radius {turn.turning_radius:.2f} m, {steady}'
+    return f'{turn.name}: {turn.turning_rate:.1f} °/s,\nradius {turn.turning_radius:.2f} m,\n{steady}'

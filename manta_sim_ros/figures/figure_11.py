@@ -6,7 +6,7 @@ import dataclasses
 from typing import TYPE_CHECKING
 
 from manta_sim_ros.dynamics import FloatArray
-from manta_sim_ros.figures.figure_10 import LINES
+from manta_sim_ros.figures.figure_10 import LINES, title
 from manta_sim_ros.figures.gaits import TURN_FREQUENCY
 from manta_sim_ros.figures.periodic import period_average
 from manta_sim_ros.figures.style import legend_below
@@ -33,14 +33,14 @@ class Figure11:
             average = period_average(turn.record.wrench, turn.record.samples)
             for kind, wrench in (('raw', turn.record.wrench), ('averaged', average)):
                 for (name, unit), values in zip(COMPONENTS, wrench.T, strict=True):
-                    columns[f'{name} {kind}, {turn.name}, {turn.chains} chains [{unit}]'] = values
+                    columns[f'{name} {kind}, {turn.name}, {turn.robot} [{unit}]'] = values
         return columns
 
     def draw(self, figure: Figure) -> None:
-        """Draw a row for each component, a row for the averaged M_z, and a column for each number of chains."""
-        by_chains = self.turning.by_chains
-        panels = figure.subplots(len(COMPONENTS) + 1, len(by_chains), sharex=True, sharey='row', squeeze=False)
-        for column, (chains, turns) in zip(panels.T, by_chains.items(), strict=True):
+        """Draw a row for each component, a row for the averaged M_z, and a column for each robot."""
+        by_robot = self.turning.by_robot
+        panels = figure.subplots(len(COMPONENTS) + 1, len(by_robot), sharex=True, sharey='row', squeeze=False)
+        for column, (robot, turns) in zip(panels.T, by_robot.items(), strict=True):
             for turn in turns:
                 style, color = LINES[turn.name]
                 wrench = turn.record.wrench
@@ -49,7 +49,7 @@ class Figure11:
                     axes.plot(turn.record.time, raw, color=color, linewidth=0.5, alpha=0.45)
                     axes.plot(turn.record.time, smooth, style, color=color, label=turn.name)
                 column[-1].plot(turn.record.time, average[:, -1], style, color=color)
-            column[0].set_title(f'{chains} chains per fin', fontsize=9)
+            column[0].set_title(title(robot), fontsize=9)
             column[-1].set_xlabel('time [s]')
         for axes, (name, unit) in zip(panels[:, 0], COMPONENTS, strict=False):
             axes.set_ylabel(f'${name}$ [{unit}]')

@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-from manta_sim_ros.dynamics import FinCommand, Parameters
+from manta_sim_ros.dynamics import MONOLITHIC, FinCommand, Parameters
 
 FEW_CHAINS = 8
 """Number of chains per fin with which every straight gait of the paper is stable along the chord.
@@ -31,6 +31,20 @@ TURNS = {
     'set 2': (gait(40.0, TURN_FREQUENCY, 40.0), gait(20.0, TURN_FREQUENCY, 40.0)),
 }
 """The left and the right fin's gait of the two parameter sets of Figures 10 and 11."""
+
+
+IN_WATER: dict[str, dict[str, Any]] = {
+    'water': {'density': 1000.0, 'added_mass_coefficient': 0.6, 'added_mass_density': 1000.0},
+    'body': {
+        'drag_coefficient': (0.1, 0.4, 1.0), 'added_mass': (1.4, 2.1, 106.0, 1.15, 2.4, 0.01),
+        'quadratic_damping': (0.0, 0.0, 0.0, 2.7, 6.4, 1.28)},
+    'fin': {'chains': 12, 'drag_coefficient': 6.0, 'density': 1000.0, 'shear_modulus': 3.8e7},
+    'solver': {'time_step': 0.001, 'coupling': MONOLITHIC},
+}
+"""What config/freshwater.yaml changes: fins that resist twist, and a body in water. A test keeps it equal to the file.
+
+The figures are drawn where the file is not installed.
+"""
 
 
 def robot(base: Parameters | None = None, **groups: Mapping[str, Any]) -> Parameters:

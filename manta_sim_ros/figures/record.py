@@ -44,6 +44,8 @@ class Record:
     """(T, 2, 2) [fin, front or rear] [rad]."""
     joint_angles: FloatArray
     """(T, 2, n, m) [fin, chain, link] [rad]."""
+    rod_power: FloatArray
+    """(T,) power of the motors of all rods into the fins [W]."""
 
     @property
     def wrench(self) -> FloatArray:

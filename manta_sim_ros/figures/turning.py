@@ -9,7 +9,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from manta_sim_ros.dynamics import FloatArray, Parameters
-from manta_sim_ros.figures.gaits import FEW_CHAINS, TURNS, robot
+from manta_sim_ros.figures.gaits import FEW_CHAINS, IN_WATER, TURNS, robot
 from manta_sim_ros.figures.periodic import end_mean, settled
 from manta_sim_ros.figures.record import Record, record
 
@@ -30,6 +30,16 @@ class Turn:
     def chains(self) -> int:
         """Number of chains per fin."""
         return self.record.parameters.fin.chains
+
+    @property
+    def in_water(self) -> bool:
+        """Whether the fins resist twist and the body moves water, which the paper leaves out."""
+        return self.record.parameters.fin.shear_modulus > 0.0
+
+    @property
+    def robot(self) -> str:
+        """The robot of this turn: its number of chains, and whether it is not the paper's."""
+        return f'{self.chains} chains{", twist stiffness and body in water" if self.in_water else ""}'
 
     @property
     def headings(self) -> FloatArray:
@@ -76,7 +86,7 @@ class Turn:
 
 @dataclasses.dataclass(frozen=True)
 class Turning:
-    """Both sets with the paper's number of chains, and then both with few chains."""
+    """Both sets with the paper's number of chains, with few chains, and with twist stiffness and a body in water."""
 
     turns: tuple[Turn, ...]
 
@@ -85,17 +95,35 @@ class Turning:
         cls, parameters: Parameters | None = None, periods: int = PERIODS, chains: tuple[int, ...] | None = None,
         done: Callable[[], object] = lambda: None,
     ) -> Turning:
-        """Simulate both sets with each number of chains; `done` is called after each turn."""
-        turns = []
+        """Simulate both sets with each robot; `done` is called after each turn.
+
+        By default the robots are the paper's, the same with few chains, and that of `IN_WATER`. With `chains`, they are
+        the paper's with each of these numbers of chains.
+        """
         default = (robot(parameters).fin.chains, FEW_CHAINS)
-        for number in dict.fromkeys(default if chains is None else chains):
+        robots = [robot(parameters, fin={'chains': number})
+                  for number in dict.fromkeys(default if chains is None else chains)]
+        if chains is None:
+            robots.append(robot(Parameters().replace(**IN_WATER)))
+        turns = []
+        for one in robots:
             for name, (left, right) in TURNS.items():
-                turns.append(Turn(name, record(robot(parameters, fin={'chains': number}), left, right, periods)))
+                turns.append(Turn(name, record(one, left, right, periods)))
                 done()
         return cls(tuple(turns))
 
     @property
+    def by_robot(self) -> dict[str, list[Turn]]:
+        """The turns of each robot by its description, in the order of the columns of the figures."""
+        robots = dict.fromkeys(turn.robot for turn in self.turns)
+        return {name: [turn for turn in self.turns if turn.robot == name] for name in robots}
+
+    @property
     def by_chains(self) -> dict[int, list[Turn]]:
-        """The turns of each number of chains."""
-        numbers = dict.fromkeys(turn.chains for turn in self.turns)
-        return {number: [turn for turn in self.turns if turn.chains == number] for number in numbers}
+        """The turns of the paper's model for each number of chains."""
+        return {turns[0].chains: turns for turns in self.by_robot.values() if not turns[0].in_water}
+
+    @property
+    def in_water(self) -> list[Turn]:
+        """The turns with twist stiffness and a body in water; empty if they were not simulated."""
+        return [turn for turn in self.turns if turn.in_water]

@@ -119,8 +119,8 @@ def mirrored(_, turn):
 
 
 def without_set_1(results):
-    by_chains = results.turning.by_chains.values()
-    return replaced_turns(results, lambda index, _: list(by_chains)[index // 2][1 - index % 2])
+    by_robot = list(results.turning.by_robot.values())
+    return replaced_turns(results, lambda index, _: by_robot[index // 2][1 - index % 2])
 
 
 def with_angles(results, change):
