@@ -10,7 +10,7 @@ VENV := $(if $(filter-out kilted,$(ROS)),.venv-$(ROS),.venv)
 TOOLS := @scripts/setup.sh --dev
 PYTEST_ARGS ?=
 
-.PHONY: help sim test colcon-test lint docs tables bench steering verify paper setup clean
+.PHONY: help sim test colcon-test lint docs tables bench steering verify paper validate setup clean
 
 help:  ## list the targets
 	@sed -n 's/^\([a-z-]*\):.*## /\1\t/p' $(firstword $(MAKEFILE_LIST)) | expand -t 13
@@ -45,6 +45,9 @@ verify:  ## verify the physics: writes docs/verification.md with its plots, abou
 
 paper:  ## draw the figures of the paper: writes docs/paper.md with its plots and animations, about two minutes
 	$(TOOLS) -- python -m evidence.paper
+
+validate:  ## compare both configurations with published facts: writes docs/validation.md with its plots, about two minutes
+	$(TOOLS) -- python -m evidence.validation
 
 setup:  ## make the virtual environment with all tools, and build the package
 	$(TOOLS)

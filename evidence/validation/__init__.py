@@ -1,0 +1,1 @@
+"""Published facts about mantas and their robots beside the simulator: `python -m evidence.validation`."""
