@@ -150,8 +150,8 @@ def figure_blocks(results: Results) -> list[str]:
               'body frame. The last row shows the averaged M_z again on a larger scale. The moment of set 1 is '
               'larger at first and decreases as the robot turns. The moment of set 2 remains until the chordwise '
               'instability sets in. With twist stiffness and a body in water (right) both moments are steady after a '
-              'few periods: they balance the quadratic damping of yaw. The moments and the heave force are larger '
-              'there, because the fins are not unstable and have added mass.'),
+              'few periods: they balance the quadratic damping of yaw. The moments and the vertical force are larger '
+              'there.'),
         picture('paper/figure_11.png', 'Components of the wrench against time.'),
     ]
 

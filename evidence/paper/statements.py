@@ -291,8 +291,8 @@ def _turns(turning: Turning) -> list[Statement]:
             'In the second period the yaw rates of set 1 and set 2 are '
             f'{listed((turn.yaw_rates[1] for turn in with_many), 0)}°/s, where a negative rate is a turn to the right. '
             f'At the end they are {listed(turn.turning_rate for turn in with_many)}°/s, on circles with radii of '
-            f'{listed((turn.turning_radius for turn in with_many), 2)} m. With twist stiffness and a body in water they '
-            f'end with {listed(turn.turning_rate for turn in in_water)}°/s and '
+            f'{listed((turn.turning_radius for turn in with_many), 2)} m. With twist stiffness and a body in water '
+            f'they end with {listed(turn.turning_rate for turn in in_water)}°/s, on circles with radii of '
             f'{listed((turn.turning_radius for turn in in_water), 2)} m.'),
         Statement(
             'Section 5.2, Figure 11', 'the turning mode, which involves altering the phase difference, ϕ_l and ϕ_r, '
@@ -310,8 +310,9 @@ def _turns(turning: Turning) -> list[Statement]:
             f'{many} chains it is stable for only {lasting_many} periods, because the chordwise instability sets '
             f'in. The mean M_z of set 1 is below half of its first value in period {halved(with_few[0])} with {few} '
             f'chains, and in period {halved(with_many[0])} with {many} chains. With twist stiffness and a body in '
-            f'water the moments of both sets are stable: for {listed((steady_stretch(turn)[1] for turn in in_water), 0)} '
-            f'of {len(in_water[0].yaw_rates)} periods they stay within {100.0 * STEADY_MOMENT:.0f} % of '
+            'water the moments of both sets are stable: for '
+            f'{listed((steady_stretch(turn)[1] for turn in in_water), 0)} of {len(in_water[0].yaw_rates)} periods '
+            f'they stay within {100.0 * STEADY_MOMENT:.0f} % of '
             f'{listed((_stable_moment(turn) for turn in in_water), 2)} N m.'),
         Statement(
             'Section 5.2, Figure 11', 'making it suitable for cruising swimming with circular trajectories',
@@ -322,8 +323,8 @@ def _turns(turning: Turning) -> list[Statement]:
             f'{rates[0]:.0f} to {rates[-1]:.0f}°/s, and the robot finally spins on the spot. The turn becomes '
             'tighter until the chordwise instability sets in, so the number of chains determines the result. With '
             'twist stiffness and a body in water it does not: the robot settles on a circle with a radius of '
-            f'{in_water[1].turning_radius:.2f} m{_from(in_water[1])}, which is narrower than the span of a fin, so that '
-            'the inner fin moves backward.'),
+            f'{in_water[1].turning_radius:.2f} m{_from(in_water[1])}. This circle is so narrow that the inner fin '
+            'moves backward.'),
         Statement(
             'Section 6', 'we have been able to numerically recover the characteristic hydrodynamic forces of the '
             'robotic '

@@ -35,6 +35,8 @@ class Figure10:
     def draw(self, figure: Figure) -> None:
         """Draw a column for each robot: above the plan view, below the view in space, where z is enlarged."""
         by_robot = self.turning.by_robot
+        engine: Any = figure.get_layout_engine()
+        engine.set(w_pad=0.12)  # [in]; labels of views in space would leave the figure
         for column, (name, turns) in enumerate(by_robot.items(), start=1):
             plan = figure.add_subplot(2, len(by_robot), column)
             space: Any = figure.add_subplot(2, len(by_robot), len(by_robot) + column, projection='3d')
@@ -46,14 +48,16 @@ class Figure10:
                 space.plot(x, y, z, style, color=color, linewidth=1.0)
             plan.set_aspect('equal', adjustable='datalim')
             plan.set_xlabel('x, ahead [m]')
-            plan.set_ylabel('y, to the left [m]')
+            if column == 1:
+                plan.set_ylabel('y, to the left [m]')
+            plan.locator_params(nbins=4)
             plan.set_title(title(name), fontsize=9)
             plan.legend(loc='upper center', bbox_to_anchor=(0.5, -0.2), fontsize=7)
             for axis in 'xyz':
                 space.locator_params(axis=axis, nbins=4)
             space.set(xlabel='x [m]', ylabel='y [m]', zlabel='z [m]')
             space.tick_params(labelsize=7)
-            space.set_box_aspect((1.0, 1.0, 0.6), zoom=0.8)
+            space.set_box_aspect((1.0, 1.0, 0.6), zoom=0.75)
         periods = self.turning.turns[0].record.periods
         figure.suptitle(f'Turns from rest at the origin, f = {TURN_FREQUENCY:g} Hz, {periods} periods', fontsize=10)
 

@@ -2,18 +2,20 @@
 
 import dataclasses
 import io
+from pathlib import Path
 
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from manta_sim_ros.dynamics import Parameters
 from manta_sim_ros.figures import figure_8, figure_9
 from manta_sim_ros.figures.figure_7 import Figure7
 from manta_sim_ros.figures.figure_8 import Figure8, mean_thrust
 from manta_sim_ros.figures.figure_9 import Figure9, Swim, swim
 from manta_sim_ros.figures.figure_10 import Figure10, described
 from manta_sim_ros.figures.figure_11 import Figure11
-from manta_sim_ros.figures.gaits import FEW_CHAINS, STRAIGHT, TURNS, gait, robot
+from manta_sim_ros.figures.gaits import FEW_CHAINS, IN_WATER, STRAIGHT, TURNS, gait, robot
 from manta_sim_ros.figures.record import record
 from manta_sim_ros.figures.style import save_png
 from manta_sim_ros.figures.turning import PERIODS, Turn, Turning
@@ -178,6 +180,35 @@ def test_a_mean_wrench_is_that_of_a_whole_period(turning):
 
 def test_equal_numbers_of_chains_are_simulated_once():
     assert [turn.name for turn in Turning.measure(chains=(4, 4), periods=4).turns] == ['set 1', 'set 2']
+
+
+def test_the_third_robot_is_that_of_the_file_for_fresh_water():
+    file = Path(__file__).parents[2] / 'config' / 'freshwater.yaml'
+    assert Parameters().replace(**IN_WATER) == Parameters.from_yaml(file)
+
+
+def test_the_columns_are_many_chains_few_chains_and_the_robot_in_water():
+    turning = Turning.measure(SMALL, periods=2)
+    assert [(name, [turn.name for turn in turns]) for name, turns in turning.by_robot.items()] == [
+        (name, ['set 1', 'set 2']) for name in (
+            f'{CHAINS} chains', f'{FEW_CHAINS} chains', '12 chains, twist stiffness and body in water')]
+    assert list(turning.by_chains) == [CHAINS, FEW_CHAINS]
+    assert [turn.name for turn in turning.in_water] == ['set 1', 'set 2']
+    for turn in turning.in_water:
+        assert turn.record.parameters.rods.command_time_constant == 0.0 and np.all(turn.yaw_rates < 0.0)
+    for figure in (Figure10(turning), Figure11(turning)):
+        assert sum('body in water' in name for name in figure.columns()) == len(figure.columns()) // 3
+        panels = lines_of(figure)
+        assert len(panels) in (6, 21)
+    plan = lines_of(Figure10(turning))[4]  # plan and space of each column in turn
+    np.testing.assert_array_equal(
+        plan[described(turning.in_water[1])], turning.in_water[1].record.position[:, :2].T)
+
+
+def test_the_rod_power_of_a_record_is_that_of_its_states():
+    states = record(SMALL, STRAIGHT, STRAIGHT, 2)
+    assert states.rod_power.shape == states.time.shape
+    assert 3.0 < states.rod_power[100:].mean() < 10.0  # [W]; measured: 6.5 in cruise
 
 
 def test_the_grids_are_those_of_the_paper():
