@@ -60,7 +60,8 @@ TOPICS = {
         'absolute pressure at the depth below `water.surface_height`, with bias and noise'),
     'joint_states': Topic(
         'sensor_msgs/msg/JointState', 'out',
-        'angles and rates of the four rods; with `publish_fin_joints` also of the supports and the chains'),
+        'angles [rad], rates [rad/s] and, as effort, motor torques [N m] of the four rods; with `publish_fin_joints` '
+        'also the joints of the supports and the chains, whose effort is 0, as they have no motor'),
     'fin_markers': Topic(
         'visualization_msgs/msg/MarkerArray', 'out',
         'body, fins colored by their load, wrenches and path for RViz; published only while somebody subscribes'),

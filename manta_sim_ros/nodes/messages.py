@@ -33,7 +33,6 @@ from manta_sim_ros.dynamics import (
     FloatArray,
     Parameters,
     State,
-    rod_rates,
     support_angles,
     support_rates,
 )
@@ -139,14 +138,13 @@ def joint_names(parameters: Parameters, fins: bool) -> list[str]:
 def joint_state_message(state: State, parameters: Parameters, names: list[str], header: Header) -> JointState:
     """Return angles [rad] and rates [rad/s] of the joints with these `joint_names`, positive upward on both sides.
 
-    The effort of a rod is the torque of its motor [N m]; the other joints have no motor, and an effort of 0. The angles
-    of a support are those of F_0 about z and then y of the body frame, on the right of its mirror image.
+    The effort of a rod is the torque of its motor [N m]; that of the other joints is 0, as they have no motor. The
+    angles of a support are those of F_0 about z and then y of the body frame, on the right of its mirror image.
     """
-    rates_of_rods = rod_rates(parameters.rods, state)
-    angles, rates = [state.rod_angles], [rates_of_rods]
+    angles, rates = [state.rod_angles], [state.rod_rates]
     if len(names) > state.rod_angles.size:
         angles += [np.stack(support_angles(parameters, state.rod_angles), axis=-1), state.joint_angles]
-        rates += [np.stack(support_rates(parameters, state.rod_angles, rates_of_rods), axis=-1), state.joint_rates]
+        rates += [np.stack(support_rates(parameters, state.rod_angles, state.rod_rates), axis=-1), state.joint_rates]
     position, velocity = (np.concatenate([part.ravel() for part in parts]).tolist() for parts in (angles, rates))
     effort = state.rod_torques.ravel().tolist() + [0.0] * (len(names) - state.rod_torques.size)
     return JointState(header=header, name=names, position=position, velocity=velocity, effort=effort)

@@ -165,11 +165,16 @@ def test_the_joints_are_the_rods_and_if_wanted_supports_and_chains():
     later = simulator.advance(0.002)
     expected = (later.rod_angles - state.rod_angles).ravel() / 0.002
     np.testing.assert_allclose(message.velocity, expected, atol=0.02 * np.abs(expected).max())  # half a step later
+    assert np.dot(message.effort, message.velocity) == pytest.approx(state.rod_power, rel=1e-12)
+    assert state.rod_torques.all() and list(message.effort) == state.rod_torques.ravel().tolist()
 
     names = messages.joint_names(parameters, fins=True)
     message = messages.joint_state_message(state, parameters, names, header)
     angles = dict(zip(message.name, message.position, strict=True))
     rates = dict(zip(message.name, message.velocity, strict=True))
+    efforts = dict(zip(message.name, message.effort, strict=True))
+    assert [efforts.pop(name) for name in RODS] == state.rod_torques.ravel().tolist()
+    assert set(efforts.values()) == {0.0}  # these joints have no motor
     after = messages.joint_state_message(later, parameters, names, header)
     assert len(angles) == len(message.name) == 4 + 4 + 2 * 3 * 2
     assert [angles[name] for name in RODS] == state.rod_angles.ravel().tolist()

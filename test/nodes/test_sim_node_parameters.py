@@ -5,6 +5,7 @@ import time
 from concurrent.futures import ThreadPoolExecutor
 from subprocess import TimeoutExpired
 
+import numpy as np
 import pytest
 from nav_msgs.msg import Odometry
 from rcl_interfaces.msg import Parameter, ParameterType
@@ -19,12 +20,16 @@ from rclpy.parameter import Parameter as RclpyParameter
 from rclpy.parameter import parameter_value_to_python
 from rosgraph_msgs.msg import Clock
 
+from manta_sim_ros.dynamics import Parameters, Simulator
+
 NAMES = {
     'water': 'density current current_deviation current_correlation_time current_seed surface_height '
              'added_mass_coefficient added_mass_density',
-    'body': 'mass inertia drag_area drag_coefficient angular_damping buoyancy_center gravity',
+    'body': 'mass inertia drag_area drag_coefficient angular_damping buoyancy_center gravity '
+            'added_mass linear_damping quadratic_damping net_buoyancy',
     'rods': 'front_radius rear_radius support_length rear_motor_position command_time_constant',
-    'fin': 'chains links span thickness youngs_modulus joint_damping drag_coefficient density',
+    'fin': 'chains links span thickness youngs_modulus joint_damping drag_coefficient density '
+           'shear_modulus twist_damping',
     'solver': 'time_step fixed_base coupling',
     'imu': 'acceleration_noise acceleration_bias angular_velocity_noise angular_velocity_bias orientation_noise seed',
     'pressure': 'noise bias atmospheric water_density seed',
@@ -48,6 +53,10 @@ INVALID_STARTS = {  # ROS arguments, and what the one line must say
     'negative noise': ('-p imu.acceleration_noise:=-0.1', ['imu.acceleration_noise', '-0.1', 'from 0 to 100 m/s^2']),
     'negative seed': ('-p pressure.seed:=-1', ['pressure.seed', '-1', 'from 0 to 1e+09']),
     'vector of two': ('-p body.inertia:=[1.0,2.0]', ['body.inertia', '[1.0, 2.0]', '3 numbers']),
+    'vector of five': ('-p body.added_mass:=[1.0,2.0,3.0,4.0,5.0]', ['body.added_mass', '5.0]', '6 numbers']),
+    'negative in a vector of six': (
+        '-p body.quadratic_damping:=[0.0,0.0,0.0,0.0,0.0,-1.0]',
+        ['body.quadratic_damping[5]', '-1.0', 'from 0 to 1e+06 N s^2/m^2, N m s^2']),
     'text for a switch': ('-p publish_clock:=often', ['publish_clock', 'often', 'true or false']),
     'rate above one a step': ('-p publish_rate:=501.0', ['publish_rate', '501', 'at most 500', 'time_step']),
     'support that cannot close': ('-p rods.support_length:=0.04', ['rods.support_length', '0.04', 'greater', '0.05']),
@@ -147,6 +156,35 @@ def test_a_current_that_is_set_takes_the_robot_along(set_parameter, probe):
     assert set_parameter('water.current', [0.0, 0.0, 0.0]).successful
 
 
+def test_damping_and_buoyancy_of_the_body_are_taken_while_it_runs(set_parameter, get_parameter, probe):
+    values = {'linear_damping': [0.0, 0.0, 200.0, 1.0, 2.0, 3.0], 'quadratic_damping': [3.0, 2.0, 9e3, 0.0, 0.0, 0.0],
+              'net_buoyancy': 10.0}
+
+    def rise(**changes):  # the speed upward at which it ends [m/s]
+        return Simulator(Parameters().replace(body=values | changes)).advance(5.0).twist[2]
+
+    expected = pytest.approx(rise(), rel=0.01)  # it glides forward, slowly, and becomes 0.2 % slower in 20 s
+    for name in values:
+        assert abs(rise(**{name: getattr(Parameters().body, name)}) - rise()) > 0.1 * rise()
+    with probe.record(Odometry, 'odom') as odometry:
+        for name, value in values.items():
+            assert set_parameter(f'body.{name}', value).successful
+            assert np.array_equal(get_parameter(f'body.{name}'), value)
+        probe.until(lambda: odometry and odometry[-1].twist.twist.linear.z == expected, f'{expected} m/s upward')
+        probe.listen(1.0)
+        assert odometry[-1].twist.twist.linear.z == expected
+    for name in values:
+        rest = getattr(Parameters().body, name)
+        assert set_parameter(f'body.{name}', list(rest) if isinstance(rest, tuple) else rest).successful
+
+
+def test_the_twist_of_the_fins_is_taken_while_it_runs(set_parameter, get_parameter):
+    for name, value in (('fin.shear_modulus', 1e5), ('fin.twist_damping', 1e-4)):
+        before = get_parameter(name)
+        assert set_parameter(name, value).successful and get_parameter(name) == value
+        assert set_parameter(name, before).successful
+
+
 def test_a_pace_that_is_set_is_taken(set_parameter, get_parameter, probe):
     with probe.record(Clock, '/clock') as clock:
         assert set_parameter('real_time_factor', 0.001).successful  # a tick each ten seconds
@@ -180,6 +218,16 @@ REFUSED = {  # a value that may not be set while it runs, and what the reason mu
     'empty vector': ('water.current', [], ['type']),
     'nan in a vector': ('water.current', [0.0, 0.0, math.nan], ['water.current[2]', 'nan', 'from -10 to 10']),
     'vector of four': ('body.drag_area', [1.0, 2.0, 3.0, 4.0], ['body.drag_area', '4.0', '3 numbers']),
+    'vector of three for six': ('body.linear_damping', [1.0, 2.0, 3.0], ['body.linear_damping', '3.0]', '6 numbers']),
+    'vector of seven for six': ('body.quadratic_damping', 7 * [1.0], ['body.quadratic_damping', '1.0]', '6 numbers']),
+    'one number for six': ('body.linear_damping', 1.0, ['type']),
+    'negative in a vector of six': (
+        'body.linear_damping', [1.0, 1.0, 1.0, 1.0, -0.5, 1.0],
+        ['body.linear_damping[4]', '-0.5', 'from 0 to 1e+06 N s/m, N m s']),
+    'out of range force': ('body.net_buoyancy', 2e5, ['body.net_buoyancy', '200000', '-100000', '100000']),
+    'negative modulus': ('fin.shear_modulus', -1.0, ['fin.shear_modulus', '-1.0', '0', '10000000000000']),
+    'infinite twist damping': ('fin.twist_damping', math.inf, ['fin.twist_damping', 'inf', '0', '10000']),
+    'read-only vector of six': ('body.added_mass', 6 * [1.0], ['read-only']),
     'rate above one a step': ('publish_rate', 600.0, ['publish_rate', '600', 'at most 500']),
     'read-only number': ('body.mass', 21.0, ['read-only']),
     'read-only vector': ('body.inertia', [1.0, 1.0, 1.0], ['read-only']),

@@ -99,7 +99,7 @@ def test_noise_and_bias_change_live_and_the_covariances_with_them(robot):
 
 
 @pytest.mark.parametrize(('rate', 'ticks'), [(50.0, 2), (100.0, 1), (20.0, 5), (1000.0, 1)])
-def test_joint_states_have_a_rate_of_their_own_at_most_that_of_the_outputs(robot, rate, ticks):
+def test_joint_states_are_those_of_the_library_at_a_rate_of_their_own(robot, rate, ticks):
     assert robot.set_parameter('joint_state_rate', rate).successful
     heard = len(robot.joints)
     states = robot.swim()
@@ -111,6 +111,9 @@ def test_joint_states_have_a_rate_of_their_own_at_most_that_of_the_outputs(robot
         assert message.name == joint_names(PARAMETERS, fins=False)
         assert message.header.frame_id == 'base_link'
         assert list(message.position) == states[stamp].rod_angles.ravel().tolist()
+        assert list(message.velocity) == states[stamp].rod_rates.ravel().tolist()
+        assert list(message.effort) == states[stamp].rod_torques.ravel().tolist()
+    assert all(message.effort)
 
 
 def test_with_publish_fin_joints_all_chains_are_there(robot):
@@ -121,6 +124,7 @@ def test_with_publish_fin_joints_all_chains_are_there(robot):
     message = robot.joints[-1]
     assert message.name == joint_names(PARAMETERS, fins=True) and len(message.name) == 4 + 4 + 2 * 30 * 3
     assert list(message.position)[8:] == state.joint_angles.ravel().tolist()
+    assert list(message.effort) == state.rod_torques.ravel().tolist() + [0.0] * (4 + 2 * 30 * 3)
     assert any(message.position)
 
 
