@@ -1,4 +1,4 @@
-"""The diagnostics of the node in words: pace, commands, disturbances, motion and time step."""
+"""The diagnostics of the node in words: pace, commands, disturbances, motion, time step and power."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 
 from manta_sim_ros.dynamics import FloatArray
 from manta_sim_ros.nodes.refusals import Refused
+from manta_sim_ros.nodes.transport import cost_of_transport
 
 PACE_TOLERANCE = 0.95
 """Share of the wanted real-time factor from which on the machine keeps up."""
@@ -44,6 +45,12 @@ class Health:
     time_step: float
     largest_step: float
     """Estimate of the largest stable time step of the present gait."""
+    power: float
+    """Mean power of the motors of the rods into the fins [W], NaN when simulated time stood still."""
+    speed: float
+    """Mean forward speed [m/s], NaN when simulated time stood still."""
+    weight: float
+    """m_b g of the body [N]."""
 
     @property
     def keeps_up(self) -> bool:
@@ -57,7 +64,7 @@ def statuses(node: str, health: Health) -> list[DiagnosticStatus]:
         _status(node, subject, *describe(health))
         for subject, describe in (
             ('pace', _pace), ('commands', _commands), ('disturbances', _disturbances), ('motion', _motion),
-            ('time step', _time_step))]
+            ('time step', _time_step), ('power', _power))]
 
 
 Description = tuple[bytes, str, dict[str, str]]
@@ -135,6 +142,17 @@ def _time_step(health: Health) -> Description:
             f'solver.time_step is {health.time_step:g} s, but this gait is stable up to about '
             f'{health.largest_step:.2g} s only: the motion may diverge'), values
     return DiagnosticStatus.OK, 'solver.time_step is small enough for this gait', values
+
+
+def _power(health: Health) -> Description:
+    cost = cost_of_transport(health.power, health.speed, health.weight)
+    values = {
+        'mean power of the rods [W]': _number(health.power), 'mean forward speed [m/s]': _number(health.speed),
+        'cost of transport': _number(cost)}
+    if math.isnan(health.power):
+        return DiagnosticStatus.OK, 'no simulated time passed', values
+    words = f'the motors of the rods give the fins {health.power:.2g} W at {health.speed:.2g} m/s'
+    return DiagnosticStatus.OK, words if math.isnan(cost) else f'{words}: cost of transport {cost:.2g}', values
 
 
 def _number(value: float) -> str:

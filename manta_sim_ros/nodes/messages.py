@@ -122,12 +122,16 @@ def pressure_message(pressure: float, noise: float, base: Header) -> FluidPressu
     return FluidPressure(header=base, fluid_pressure=pressure, variance=noise * noise)
 
 
+ROD_NAMES = [f'{side}_{rod}_rod' for side in SIDES for rod in ('front', 'rear')]
+"""Names of the rods in joint states, in the order of `State.rod_angles`."""
+
+
 def joint_names(parameters: Parameters, fins: bool) -> list[str]:
     """Return the names of the joints in the order of `joint_state_message`.
 
     The four rods; with `fins`, then the two angles of each support, and the joints of each chain from its root on.
     """
-    names = [f'{side}_{rod}_rod' for side in SIDES for rod in ('front', 'rear')]
+    names = list(ROD_NAMES)
     if fins:
         names += [f'{side}_support_{angle}' for side in SIDES for angle in ('yaw', 'pitch')]
         names += [f'{side}_chain_{chain}_joint_{joint}' for side in SIDES
@@ -148,6 +152,15 @@ def joint_state_message(state: State, parameters: Parameters, names: list[str], 
     position, velocity = (np.concatenate([part.ravel() for part in parts]).tolist() for parts in (angles, rates))
     effort = state.rod_torques.ravel().tolist() + [0.0] * (len(names) - state.rod_torques.size)
     return JointState(header=header, name=names, position=position, velocity=velocity, effort=effort)
+
+
+def rod_power_of(message: JointState) -> float:
+    """Return the power of the motors of all rods [W], effort times velocity; NaN if one of them is not there."""
+    if not len(message.name) == len(message.velocity) == len(message.effort):
+        return math.nan
+    powers = {
+        name: rate * torque for name, rate, torque in zip(message.name, message.velocity, message.effort, strict=True)}
+    return sum(powers.get(name, math.nan) for name in ROD_NAMES)
 
 
 def fin_commands(values: Sequence[float]) -> tuple[FinCommand, FinCommand]:

@@ -1,4 +1,4 @@
-"""The node `manta_monitor`: prints one line per second about the robot, from the topic `odom`."""
+"""The node `manta_monitor`: prints one line per second about the robot, from `odom` and `joint_states`."""
 
 from __future__ import annotations
 
@@ -12,13 +12,18 @@ from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 from rclpy.node import Node
 from scipy.spatial.transform import Rotation
+from sensor_msgs.msg import JointState
 
+from manta_sim_ros.nodes.messages import rod_power_of
 from manta_sim_ros.nodes.parameters import declare_value
 from manta_sim_ros.nodes.process import run_node
 from manta_sim_ros.nodes.qos import subscription
+from manta_sim_ros.nodes.transport import energy_per_distance
 
 LINE_PERIOD = 1.0
-HEADINGS = '    time   speed  heading   depth  real-time\n       s     m/s      deg       m     factor'
+HEADINGS = (
+    '    time   speed  heading   depth  real-time   power  energy\n'
+    '       s     m/s      deg       m     factor       W     J/m')
 
 
 def heading_of(orientation: Quaternion) -> float:
@@ -32,8 +37,21 @@ def seconds(message: Odometry) -> float:
     return message.header.stamp.sec + 1e-9 * message.header.stamp.nanosec
 
 
+def mean(values: list[float]) -> float:
+    """Return the mean, NaN of none."""
+    return sum(values) / len(values) if values else math.nan
+
+
+def cell(value: float, width: int, digits: int) -> str:
+    """Return a number with a width and a number of decimals, a dash for NaN."""
+    return ('-' if math.isnan(value) else f'{round(value, digits) + 0.0:.{digits}f}').rjust(width)  # no negative zero
+
+
 class MonitorNode(Node):
-    """Prints time, mean forward speed of the last second, heading, depth and the real-time factor.
+    """Prints time, heading, depth, real-time factor, and means of the last second: speed, power, energy per distance.
+
+    The power is that of the motors of the rods into the fins, from the efforts and velocities of `joint_states`. A dash
+    stands for what is not known.
 
     Raises
     ------
@@ -49,11 +67,13 @@ class MonitorNode(Node):
         if not 0.0 <= self._duration < math.inf:
             raise ValueError(f'duration is {self._duration} s, but must be finite and at least 0')
         self._speeds: list[float] = []
+        self._powers: list[float] = []
         self._latest: Odometry | None = None
         self._waiting = False
         self._began = math.nan
         self._line_before = math.nan, math.nan  # elapsed and simulated time [s]
         subscription(self, 'odom', self._take)
+        subscription(self, 'joint_states', self._take_joints)
         self._timer = self.create_timer(LINE_PERIOD, self._print, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
     def _take(self, message: Odometry) -> None:
@@ -65,6 +85,11 @@ class MonitorNode(Node):
         self._latest = message
         self._speeds.append(message.twist.twist.linear.x)
 
+    def _take_joints(self, message: JointState) -> None:
+        power = rod_power_of(message)
+        if self._latest is not None and math.isfinite(power):  # of the same time as the speeds
+            self._powers.append(power)
+
     def _print(self) -> None:
         now = time.monotonic()
         if self._latest is None:
@@ -75,11 +100,14 @@ class MonitorNode(Node):
         pose = self._latest.pose.pose
         elapsed_before, simulated_before = self._line_before
         simulated = seconds(self._latest)
-        speed = sum(self._speeds) / len(self._speeds) if self._speeds else math.nan
+        speed, power = mean(self._speeds), mean(self._powers)
         heading = heading_of(pose.orientation)
         factor = (simulated - simulated_before) / (now - elapsed_before)
-        print(f'{simulated:8.2f} {speed:7.3f} {heading:8.1f} {0.0 - pose.position.z:7.3f} {factor:10.2f}', flush=True)
+        print(' '.join(cell(*column) for column in (
+            (simulated, 8, 2), (speed, 7, 3), (heading, 8, 1), (0.0 - pose.position.z, 7, 3), (factor, 10, 2),
+            (power, 7, 2), (energy_per_distance(power, speed), 7, 1))), flush=True)
         self._speeds.clear()
+        self._powers.clear()
         self._line_before = now, simulated
         if self._duration > 0.0 and now - self._began >= self._duration - 0.5 * LINE_PERIOD:
             raise KeyboardInterrupt  # as for Ctrl-C

@@ -12,6 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from manta_sim_ros.dynamics import DivergenceError, FinCommand, FloatArray, Simulator, State
 from manta_sim_ros.nodes.settings import Settings
+from manta_sim_ros.nodes.transport import Transport
 
 ROUNDING = 1e-6  # tolerance of a number of steps: far above its rounding errors and far below one step
 
@@ -49,6 +50,8 @@ class Robot:
         """Whether the last command is older than `command_timeout`, so that the amplitudes went to zero."""
         self.divergences = 0
         """Number of divergences of the motion."""
+        self.transport = Transport()
+        """Mean power and speed over the outputs."""
 
     @property
     def state(self) -> State:
@@ -191,13 +194,15 @@ class Robot:
                 self._simulator.advance(
                     wrench_steps * self._time_step, current=self._current,
                     body_wrench=self._body_wrench, world_wrench=self._world_wrench)
-            return self._simulator.advance((steps - wrench_steps) * self._time_step, current=self._current)
+            state = self._simulator.advance((steps - wrench_steps) * self._time_step, current=self._current)
         except DivergenceError as error:
             self.divergences += 1
             wrench = ' A body_wrench acted.' if wrench_steps > 0 else ''
             self._error(
                 f'{error}.{wrench} The robot is put at rest where it was, with flat fins: publish a new fin_command.')
             return self._put(before.position, before.orientation, before.time + steps * self._time_step)
+        self.transport.add(state, steps * self._time_step)
+        return state
 
     def _steps_with_wrench(self, steps: int) -> int:
         """Return the number of the next steps in which the external wrench acts."""

@@ -184,6 +184,7 @@ class SimNode(Node):
             'fin_command': self._refusals, 'set_pose': self._time.refusals, **self._disturbances.refusals}
         elapsed, simulated = time.monotonic() - self._window_began[0], robot.state.time - self._window_began[1]
         steps = simulated / model.solver.time_step
+        power, speed = robot.transport.take()
         return Health(
             time=robot.state.time, paused=paused, wanted_factor=self._settings.node.real_time_factor,
             reached_factor=math.nan if paused else simulated / elapsed,
@@ -194,6 +195,7 @@ class SimNode(Node):
             external_wrench=robot.has_external_wrench,
             diverged_lately=robot.divergences > self._divergences_reported, finite=robot.finite,
             time_step=model.solver.time_step, largest_step=largest_stable_step(model, *robot.commands),
+            power=power, speed=speed, weight=model.body.mass * model.body.gravity,
         )
 
     def _check_parameters(self, parameters: list[Parameter[Any]]) -> SetParametersResult:

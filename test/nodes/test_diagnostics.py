@@ -9,6 +9,8 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import SetBool
 
+from evidence.harness.lockstep import LockstepRobot
+from manta_sim_ros.dynamics import FinCommand, Simulator
 from manta_sim_ros.nodes.diagnostics import Health, statuses
 from manta_sim_ros.nodes.refusals import Refused
 
@@ -18,7 +20,8 @@ NONE = Refused(0, 0, '')
 WELL = Health(
     time=12.5, paused=False, wanted_factor=1.0, reached_factor=1.0, computing=2.7e-5, command_age=0.1, timed_out=False,
     refused=dict.fromkeys(('fin_command', 'set_pose', 'current', 'body_wrench'), NONE), current=np.zeros(3),
-    external_wrench=False, diverged_lately=False, finite=True, time_step=0.002, largest_step=0.0049)
+    external_wrench=False, diverged_lately=False, finite=True, time_step=0.002, largest_step=0.0049,
+    power=6.5, speed=0.33, weight=196.2)
 
 
 def refused(topic, total, lately=0, reason=''):
@@ -34,7 +37,7 @@ def test_a_robot_that_is_well_is_ok_in_everything():
     said = statuses('/manta_sim', WELL)
     assert [status.name for status in said] == [
         '/manta_sim: pace', '/manta_sim: commands', '/manta_sim: disturbances', '/manta_sim: motion',
-        '/manta_sim: time step']
+        '/manta_sim: time step', '/manta_sim: power']
     assert {status.level for status in said} == {OK}
     assert {status.hardware_id for status in said} == {'/manta_sim'}
     values = {value.key: value.value for status in said for value in status.values}
@@ -43,15 +46,18 @@ def test_a_robot_that_is_well_is_ok_in_everything():
         'computing time of a step [us]': '27', 'age of the last fin_command [s]': '0.1', 'refused': '0',
         'set_pose refused': '0',
         'current [m/s]': '0 0 0', 'body_wrench acts': 'false', 'disturbances refused': '0',
-        'finite': 'true', 'solver.time_step [s]': '0.002', 'largest stable [s]': '0.0049'}
+        'finite': 'true', 'solver.time_step [s]': '0.002', 'largest stable [s]': '0.0049',
+        'mean power of the rods [W]': '6.5', 'mean forward speed [m/s]': '0.33', 'cost of transport': '0.1'}
 
 
 def test_what_is_not_known_is_a_dash():
     unknown = dataclasses.replace(
-        WELL, paused=True, reached_factor=math.nan, computing=math.nan, command_age=math.nan)
+        WELL, paused=True, reached_factor=math.nan, computing=math.nan, command_age=math.nan, power=math.nan,
+        speed=math.nan)
     values = {value.key: value.value for status in statuses('/manta_sim', unknown) for value in status.values}
     assert [key for key, value in values.items() if value == '-'] == [
-        'real-time factor', 'computing time of a step [us]', 'age of the last fin_command [s]']
+        'real-time factor', 'computing time of a step [us]', 'age of the last fin_command [s]',
+        'mean power of the rods [W]', 'mean forward speed [m/s]', 'cost of transport']
 
 
 @pytest.mark.parametrize(('change', 'matter', 'level', 'words'), [
@@ -75,12 +81,22 @@ def test_what_is_not_known_is_a_dash():
      '1 body_wrench refused just now: wrench.force.x is inf'),
     ({'diverged_lately': True}, 'motion', ERROR, 'diverged and the robot was put at rest'),
     ({'finite': False}, 'motion', ERROR, 'diverged'),
+    ({}, 'power', OK, 'give the fins 6.5 W at 0.33 m/s: cost of transport 0.1'),
+    ({'speed': -0.1, 'weight': 98.1}, 'power', OK, 'give the fins 6.5 W at -0.1 m/s: cost of transport 0.66'),
+    ({'power': math.nan, 'speed': math.nan}, 'power', OK, 'no simulated time passed'),
     ({'time_step': 0.005}, 'time step', WARN, 'is 0.005 s, but this gait is stable up to about 0.0049 s only'),
 ])
 def test_what_is_wrong_is_said_at_its_level_with_its_numbers(change, matter, level, words):
     said = by_matter(statuses('/manta_sim', dataclasses.replace(WELL, **change)))
     assert said[matter].level == level and words in said[matter].message
     assert {status.level for name, status in said.items() if name != matter} == {OK}
+
+
+@pytest.mark.parametrize('change', [{'speed': 0.009}, {'speed': -0.009}, {'weight': 0.0}, {'speed': math.nan}])
+def test_there_is_no_cost_of_transport_of_a_robot_that_does_not_move_or_has_no_weight(change):
+    power = by_matter(statuses('/manta_sim', dataclasses.replace(WELL, **change)))['power']
+    assert {value.key: value.value for value in power.values}['cost of transport'] == '-'
+    assert 'cost' not in power.message
 
 
 @pytest.fixture(scope='module')
@@ -131,6 +147,39 @@ def test_a_paused_node_goes_on_saying_so(robot, probe):
     until_said(robot, probe, 'pace', 'times real time', lambda: client.call_async(SetBool.Request(data=False)))
     paces = [by_matter(message.status)['pace'] for message in robot.heard[heard:heard + 2]]
     assert {pace.level for pace in paces} == {OK} and all('paused' in pace.message for pace in paces)
+
+
+def test_power_and_speed_are_means_since_the_last_diagnostics(launch, probe):
+    node = LockstepRobot(launch, probe, 'means', '-p start_paused:=true -p step_duration:=2.0 '
+                                                 '-r /diagnostics:=/means/diagnostics')
+    heard = probe.record(DiagnosticArray, '/means/diagnostics')
+
+    def at_the_end_of_a_step():
+        """Return the first two diagnostics with the time of the end of a step."""
+        end = f'{node.step() * 1e-9:.3f}'
+
+        def found():
+            all_values = [{value.key: value.value for status in message.status for value in status.values}
+                          for message in heard]
+            return [[values[key] for key in ('mean power of the rods [W]', 'mean forward speed [m/s]',
+                                             'cost of transport')]
+                    for values in all_values if values['simulated time [s]'] == end]
+
+        probe.until(lambda: len(found()) >= 2, 'two diagnostics')
+        return found()[:2]
+
+    assert node.trigger('reset').success
+    node.command(SWIM)
+    heard.clear()
+    probe.until(lambda: len(heard) >= 2, 'the diagnostics of what was before')
+    twin = Simulator()
+    twin.command(left=FinCommand(*SWIM[::2]), right=FinCommand(*SWIM[1::2]))
+    for _ in range(2):  # the second swim is not averaged with the first one
+        first, later = at_the_end_of_a_step()
+        states = [twin.advance(0.01) for _ in range(200)]
+        power, speed = (np.mean(values) for values in zip(*((one.rod_power, one.twist[0]) for one in states)))
+        assert first == [f'{value:.3g}' for value in (power, speed, power / (20.0 * 9.81 * speed))]
+        assert later == ['-', '-', '-']
 
 
 def test_a_divergence_is_an_error(launch, probe):

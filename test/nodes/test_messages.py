@@ -10,6 +10,7 @@ from builtin_interfaces.msg import Time
 from geometry_msgs.msg import PoseStamped, TwistStamped, Vector3, Vector3Stamped, Wrench, WrenchStamped
 from nav_msgs.msg import Odometry
 from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 
 from evidence.scenarios import SWIM, TURN, sized
@@ -193,6 +194,23 @@ def test_the_joints_are_the_rods_and_if_wanted_supports_and_chains():
         for chain, joint in itertools.product(range(3), range(2)):
             assert rates[f'{name}_chain_{chain}_joint_{joint}'] == state.joint_rates[side, chain, joint]
         assert x > 0.0 and angles[f'{name}_support_yaw'] and angles[f'{name}_support_pitch']
+
+
+def test_the_power_of_the_rods_is_read_from_their_efforts_and_velocities():
+    parameters = sized(3, 2)
+    simulator = Simulator(parameters)
+    simulator.command(left=SWIM, right=TURN)
+    state, header = simulator.advance(0.5), messages.header(STAMP, 'base_link')
+    for fins in (False, True):
+        message = messages.joint_state_message(state, parameters, messages.joint_names(parameters, fins=fins), header)
+        assert messages.rod_power_of(message) == pytest.approx(state.rod_power, rel=1e-12)
+    shuffled = JointState(**{field: list(getattr(message, field))[::-1] for field in ('name', 'velocity', 'effort')})
+    assert messages.rod_power_of(shuffled) == pytest.approx(state.rod_power, rel=1e-12)
+    for lacking in (
+            JointState(), JointState(name=RODS, velocity=4 * [1.0]), JointState(name=RODS, effort=4 * [1.0]),
+            JointState(name=RODS[1:], velocity=3 * [1.0], effort=3 * [1.0]),
+            JointState(name=RODS, velocity=4 * [1.0], effort=[1.0, 1.0, math.nan, 1.0])):
+        assert math.isnan(messages.rod_power_of(lacking))
 
 
 def vector(*values):

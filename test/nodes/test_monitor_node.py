@@ -1,52 +1,96 @@
-"""What `monitor_node` prints, from odometry that the test publishes."""
+"""What `monitor_node` prints, from odometry and joint states that the test publishes."""
 
+import itertools
 import math
 import signal
 
 import pytest
 from builtin_interfaces.msg import Time
 from nav_msgs.msg import Odometry
+from sensor_msgs.msg import JointState
 
 SPEED, DEPTH, HEADING = 0.25, 1.5, 60.0  # [m/s, m, degrees]
+RODS = ['left_front_rod', 'left_rear_rod', 'right_front_rod', 'right_rear_rod']
 
 
 @pytest.fixture
 def swim(probe):
-    """Publishes odometry of a straight swim, 10 ms a message, until a condition holds."""
+    """Publishes odometry of a straight swim, 10 ms a message, and joint states, until a condition holds."""
     publisher = probe.node.create_publisher(Odometry, 'odom', 10)
+    joints = probe.node.create_publisher(JointState, 'joint_states', 10)
     message = Odometry()
     message.pose.pose.position.z = -DEPTH
     message.pose.pose.orientation.z = math.sin(math.radians(HEADING) / 2)
     message.pose.pose.orientation.w = math.cos(math.radians(HEADING) / 2)
-    message.twist.twist.linear.x = SPEED
-    ticks = 0
 
-    def publish():
-        nonlocal ticks
-        ticks += 1
-        message.header.stamp = Time(sec=ticks // 100, nanosec=ticks % 100 * 10_000_000)
-        publisher.publish(message)
+    def swim(condition, what, speed=lambda time: SPEED, joint_states=lambda time: None):
+        ticks = 0
 
-    yield lambda condition, what: probe.until(condition, what, doing=publish, every=0.01)
+        def publish():
+            nonlocal ticks
+            ticks += 1
+            message.header.stamp = Time(sec=ticks // 100, nanosec=ticks % 100 * 10_000_000)
+            message.twist.twist.linear.x = speed(0.01 * ticks)
+            publisher.publish(message)
+            if (state := joint_states(0.01 * ticks)) is not None:
+                state.header.stamp = message.header.stamp
+                joints.publish(state)
+
+        probe.until(condition, what, doing=publish, every=0.01)
+
+    yield swim
     probe.node.destroy_publisher(publisher)
+    probe.node.destroy_publisher(joints)
+
+
+def lines_of(launch, swim, duration=2, **how):
+    """Return the cells of each line that it prints about a swim, without those of the head."""
+    node = launch('monitor_node', f'-p duration:={duration}')
+    node.wait_for_output('waiting for /odom')
+    node.may_end = True
+    swim(lambda: node.process.poll() is not None, 'its end', **how)
+    assert node.exit_status() == 0
+    lines = [line for line in node.output.splitlines() if 'waiting' not in line]
+    assert max(map(len, lines)) < 80
+    assert lines[0].split() == ['time', 'speed', 'heading', 'depth', 'real-time', 'power', 'energy']
+    assert lines[1].split() == ['s', 'm/s', 'deg', 'm', 'factor', 'W', 'J/m']
+    assert duration - 1 <= len(lines[2:]) <= duration
+    return [line.split() for line in lines[2:]]
 
 
 def test_it_says_what_it_waits_for_then_prints_a_line_a_second_and_ends_after_its_duration(launch, swim):
-    node = launch('monitor_node', '-p duration:=2')
-    node.wait_for_output('waiting for /odom')
-    node.may_end = True
-    swim(lambda: node.process.poll() is not None, 'its end')
-    assert node.exit_status() == 0
+    lines = lines_of(launch, swim)
+    assert {(*line[1:4], *line[5:]) for line in lines} == {(f'{SPEED:.3f}', f'{HEADING:.1f}', f'{DEPTH:.3f}', '-', '-')}
+    assert all(float(line[4]) > 0.0 for line in lines)
+    times = [float(line[0]) for line in lines]
+    assert all(before < after for before, after in itertools.pairwise(times))
 
-    lines = [line for line in node.output.splitlines() if 'waiting' not in line]
-    assert lines[0].split() == ['time', 'speed', 'heading', 'depth', 'real-time']
-    assert lines[1].split() == ['s', 'm/s', 'deg', 'm', 'factor']
-    rows = [[float(value) for value in line.split()] for line in lines[2:]]
-    assert 1 <= len(rows) <= 2
-    for _, speed, heading, depth, factor in rows:
-        assert (speed, heading, depth) == (SPEED, HEADING, DEPTH)
-        assert factor > 0.0
-    assert all(before[0] < after[0] for before, after in zip(rows, rows[1:]))
+
+def joint_states(power):
+    """Return joint states of the rods and of another joint, where the motors of the rods have this power [W]."""
+    return JointState(
+        name=['fin', *RODS], velocity=[9.0, 1.0, -2.0, 3.0, 4.0], effort=[9.0, 1.0, 0.5, 0.0, 0.25 * power])
+
+
+@pytest.mark.parametrize(('speed', 'energy'), [(SPEED, '20.0'), (-SPEED, '20.0'), (0.005, '-')])
+def test_it_prints_the_power_of_the_rods_and_the_energy_per_distance(launch, swim, speed, energy):
+    lines = lines_of(launch, swim, speed=lambda time: speed, joint_states=lambda time: joint_states(5.0))
+    assert {(line[1], *line[5:]) for line in lines} == {(f'{speed:.3f}', '5.00', energy)}
+
+
+def test_joint_states_without_efforts_have_no_power(launch, swim):
+    lines = lines_of(launch, swim, joint_states=lambda time: JointState(name=RODS, velocity=4 * [1.0]))
+    assert {(*line[5:],) for line in lines} == {('-', '-')}
+
+
+def test_speed_and_power_are_means_of_the_same_time_since_the_last_line(launch, swim):
+    lines = lines_of(
+        launch, swim, duration=3, speed=lambda time: time, joint_states=lambda time: joint_states(10.0 * time))
+    ends = [0.01] + [float(line[0]) for line in lines]
+    for (began, ended), line in zip(itertools.pairwise(ends), lines):
+        assert float(line[1]) == pytest.approx(0.5 * (began + ended), abs=0.02)  # a message more or less
+        assert float(line[5]) == pytest.approx(10.0 * float(line[1]), abs=0.2)
+        assert float(line[6]) == pytest.approx(10.0, abs=0.4)
 
 
 def test_it_listens_in_its_namespace(launch):
