@@ -2,10 +2,11 @@
 #
 #   ROS=kilted|jazzy   the ROS 2 distribution (default: kilted, or the one that is sourced)
 #   PYTHON=...         the interpreter that the virtual environment is made with
+#   CONFIG=freshwater  the file config/$(CONFIG).yaml with the parameters of `make sim` (default: manta)
 #   DURATION=20        simulated seconds of `make sim` (default: until Ctrl-C)
 #   PYTEST_ARGS='...'  further arguments for pytest, such as '-k gait' or a folder ('-n 0' runs all in one process)
 
-export ROS PYTHON DURATION
+export ROS PYTHON CONFIG DURATION
 VENV := $(if $(filter-out kilted,$(ROS)),.venv-$(ROS),.venv)
 TOOLS := @scripts/setup.sh --dev
 PYTEST_ARGS ?=

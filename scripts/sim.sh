@@ -1,5 +1,6 @@
 #!/usr/bin/env bash
 # Run the built sim_node, gait_node and monitor_node as separate processes until Ctrl-C, SIGTERM or the end of DURATION.
+# CONFIG is the name of a file in config/ with the parameters of sim_node, without .yaml: manta is the default.
 #
 # Needs a sourced environment: scripts/setup.sh -- scripts/sim.sh does that. Exit status 0, or 1 if a node failed.
 set -um  # with job control each node has its own process group: Ctrl-C reaches only this script, which ends the nodes
@@ -28,6 +29,14 @@ stop() {
 prefix=${COLCON_PREFIX_PATH:?source .venv/env.sh first}
 prefix=${prefix%%:*}/manta_sim_ros
 programs=$prefix/lib/manta_sim_ros
+configs=$prefix/share/manta_sim_ros/config
+
+config=$configs/${CONFIG:=manta}.yaml
+if [[ $CONFIG == */* || ! -f $config ]]; then
+  names=("$configs"/*.yaml)
+  names=("${names[@]##*/}")
+  fail "CONFIG is $CONFIG, but must be one of: ${names[*]%.yaml}"
+fi
 
 monitor_arguments=(-p use_sim_time:=true)
 if [ -n "${DURATION:-}" ]; then
@@ -37,9 +46,10 @@ if [ -n "${DURATION:-}" ]; then
   monitor_arguments+=(-p "duration:=$DURATION")
 fi
 
+say "parameters: config/$CONFIG.yaml"
 say "ROS_DOMAIN_ID=${ROS_DOMAIN_ID:-0} (export it in another terminal to watch or to command the robot); Ctrl-C ends it"
 trap 'stop; exit 0' INT TERM HUP
-"$programs/sim_node" --ros-args --params-file "$prefix/share/manta_sim_ros/config/manta.yaml" &
+"$programs/sim_node" --ros-args --params-file "$config" &
 sim=$!
 "$programs/gait_node" --ros-args -p use_sim_time:=true &
 gait=$!
