@@ -42,6 +42,9 @@ class Health:
     diverged_lately: bool
     finite: bool
     """Whether the whole state is finite."""
+    body_in_water: float
+    fins_in_water: float
+    """Shares that are below the surface of the water."""
     time_step: float
     largest_step: float
     """Estimate of the largest stable time step of the present gait."""
@@ -64,7 +67,7 @@ def statuses(node: str, health: Health) -> list[DiagnosticStatus]:
         _status(node, subject, *describe(health))
         for subject, describe in (
             ('pace', _pace), ('commands', _commands), ('disturbances', _disturbances), ('motion', _motion),
-            ('time step', _time_step), ('power', _power))]
+            ('time step', _time_step), ('power', _power), ('water', _water))]
 
 
 Description = tuple[bytes, str, dict[str, str]]
@@ -153,6 +156,16 @@ def _power(health: Health) -> Description:
         return DiagnosticStatus.OK, 'no simulated time passed', values
     words = f'the motors of the rods give the fins {health.power:.2g} W at {health.speed:.2g} m/s'
     return DiagnosticStatus.OK, words if math.isnan(cost) else f'{words}: cost of transport {cost:.2g}', values
+
+
+def _water(health: Health) -> Description:
+    body, fins = (f'{math.floor(100.0 * share)} %' for share in (health.body_in_water, health.fins_in_water))
+    values = {'body in the water': body, 'fins in the water': fins}
+    if health.body_in_water == health.fins_in_water == 1.0:
+        return DiagnosticStatus.OK, 'under water', values
+    if health.body_in_water == health.fins_in_water == 0.0:
+        return DiagnosticStatus.WARN, 'in the air: the robot falls', values
+    return DiagnosticStatus.OK, f'at the surface: {body} of the body and {fins} of the fins are in the water', values
 
 
 def _number(value: float) -> str:

@@ -71,7 +71,7 @@ TOPICS = {
     '/clock': Topic('rosgraph_msgs/msg/Clock', 'out', 'simulated time, with `publish_clock`'),
     '/diagnostics': Topic(
         'diagnostic_msgs/msg/DiagnosticArray', 'out',
-        'once a second: pace, commands, disturbances, motion, time step and power, in words'),
+        'once a second: pace, commands, disturbances, motion, time step, power and water, in words'),
 }
 """Names are relative, so that namespaces and remaps work, but for three whose names ROS 2 fixes."""
 

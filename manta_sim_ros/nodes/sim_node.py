@@ -20,6 +20,7 @@ from manta_sim_ros.dynamics import (
     StabilityWarning,
     body_warning,
     compile_kernels,
+    immersed_shares,
     largest_stable_step,
     step_warning,
     turn_warning,
@@ -185,6 +186,7 @@ class SimNode(Node):
         elapsed, simulated = time.monotonic() - self._window_began[0], robot.state.time - self._window_began[1]
         steps = simulated / model.solver.time_step
         power, speed = robot.transport.take()
+        body_in_water, links_in_water = immersed_shares(model, robot.state)
         return Health(
             time=robot.state.time, paused=paused, wanted_factor=self._settings.node.real_time_factor,
             reached_factor=math.nan if paused else simulated / elapsed,
@@ -195,6 +197,7 @@ class SimNode(Node):
             external_wrench=robot.has_external_wrench,
             diverged_lately=robot.divergences > self._divergences_reported, finite=robot.finite,
             time_step=model.solver.time_step, largest_step=largest_stable_step(model, *robot.commands),
+            body_in_water=body_in_water, fins_in_water=float(links_in_water.mean()),
             power=power, speed=speed, weight=model.body.mass * model.body.gravity,
         )
 

@@ -21,7 +21,7 @@ WELL = Health(
     time=12.5, paused=False, wanted_factor=1.0, reached_factor=1.0, computing=2.7e-5, command_age=0.1, timed_out=False,
     refused=dict.fromkeys(('fin_command', 'set_pose', 'current', 'body_wrench'), NONE), current=np.zeros(3),
     external_wrench=False, diverged_lately=False, finite=True, time_step=0.002, largest_step=0.0049,
-    power=6.5, speed=0.33, weight=196.2)
+    body_in_water=1.0, fins_in_water=1.0, power=6.5, speed=0.33, weight=196.2)
 
 
 def refused(topic, total, lately=0, reason=''):
@@ -37,7 +37,7 @@ def test_a_robot_that_is_well_is_ok_in_everything():
     said = statuses('/manta_sim', WELL)
     assert [status.name for status in said] == [
         '/manta_sim: pace', '/manta_sim: commands', '/manta_sim: disturbances', '/manta_sim: motion',
-        '/manta_sim: time step', '/manta_sim: power']
+        '/manta_sim: time step', '/manta_sim: power', '/manta_sim: water']
     assert {status.level for status in said} == {OK}
     assert {status.hardware_id for status in said} == {'/manta_sim'}
     values = {value.key: value.value for status in said for value in status.values}
@@ -47,7 +47,8 @@ def test_a_robot_that_is_well_is_ok_in_everything():
         'set_pose refused': '0',
         'current [m/s]': '0 0 0', 'body_wrench acts': 'false', 'disturbances refused': '0',
         'finite': 'true', 'solver.time_step [s]': '0.002', 'largest stable [s]': '0.0049',
-        'mean power of the rods [W]': '6.5', 'mean forward speed [m/s]': '0.33', 'cost of transport': '0.1'}
+        'mean power of the rods [W]': '6.5', 'mean forward speed [m/s]': '0.33', 'cost of transport': '0.1',
+        'body in the water': '100 %', 'fins in the water': '100 %'}
 
 
 def test_what_is_not_known_is_a_dash():
@@ -84,6 +85,10 @@ def test_what_is_not_known_is_a_dash():
     ({}, 'power', OK, 'give the fins 6.5 W at 0.33 m/s: cost of transport 0.1'),
     ({'speed': -0.1, 'weight': 98.1}, 'power', OK, 'give the fins 6.5 W at -0.1 m/s: cost of transport 0.66'),
     ({'power': math.nan, 'speed': math.nan}, 'power', OK, 'no simulated time passed'),
+    ({}, 'water', OK, 'under water'),
+    ({'body_in_water': 0.0, 'fins_in_water': 0.0}, 'water', WARN, 'in the air: the robot falls'),
+    ({'body_in_water': 0.0}, 'water', OK, 'at the surface: 0 % of the body and 100 % of the fins are in the water'),
+    ({'fins_in_water': 0.999}, 'water', OK, 'at the surface: 100 % of the body and 99 % of the fins'),
     ({'time_step': 0.005}, 'time step', WARN, 'is 0.005 s, but this gait is stable up to about 0.0049 s only'),
 ])
 def test_what_is_wrong_is_said_at_its_level_with_its_numbers(change, matter, level, words):
