@@ -41,6 +41,12 @@ OTHER_BODY = {
     'rods': {'command_time_constant': 0.0},
 }
 NO_WATER = {'water': {'density': 0.0}, 'body': {'gravity': 0.0, 'angular_damping': (0.0, 0.0, 0.0)}}
+TWIST = {'shear_modulus': 2e6, 'twist_damping': 0.02}
+"""Values of the group `fin` with which neighboring chains resist twist."""
+WATER_OF_BODY = {
+    'added_mass': (7.0, 30.0, 90.0, 1.2, 2.5, 0.6), 'linear_damping': (3.0, 4.0, 6.0, 0.7, 0.9, 0.5),
+    'quadratic_damping': (8.0, 20.0, 40.0, 1.5, 3.0, 0.8), 'net_buoyancy': -4.0}
+"""Values of the group `body` for all that the water does to the body beyond the paper."""
 
 
 def sized(chains, links, **groups):
@@ -79,6 +85,11 @@ def other_parameters(chains, links, seed):
         fin={'span': random.uniform(0.2, 0.5), 'thickness': random.uniform(0.005, 0.02),
              'youngs_modulus': random.uniform(1e6, 1e8), 'joint_damping': random.uniform(0.05, 0.5),
              'drag_coefficient': random.uniform(0.5, 2.0), 'density': random.uniform(700.0, 1500.0)})
+
+
+def twisting(parameters):
+    """Return the parameters with fins that resist twist along the chord."""
+    return parameters.replace(fin=TWIST)
 
 
 def any_state(parameters, seed=1):

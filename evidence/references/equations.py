@@ -200,6 +200,46 @@ def _damping_torque(parameters: Parameters, joint_rates: FloatArray) -> FloatArr
     return -parameters.fin.joint_damping * joint_rates
 
 
+def _twist_gradient(parameters: Parameters, coefficient: float, joints: FloatArray) -> FloatArray:
+    """Return the gradient (n, m), by `joints` (n, m), of the energy of the twist of a fin, or of its damping.
+
+    With Theta_kj = q_k1 + ... + q_kj the angle of a link to y_0, it is that of
+    coefficient / 2 sum_j sum_k (Theta_kj - Theta_k+1,j)^2 dl / ds, term by term.
+    """
+    (chains, links), ds = joints.shape, parameters.rods.support_length / parameters.fin.chains
+    gradient = np.zeros((chains, links))
+    for j in range(links):
+        for k in range(chains - 1):
+            difference = np.sum(joints[k, :j + 1]) - np.sum(joints[k + 1, :j + 1])
+            for i in range(j + 1):  # the joints on which Theta_kj depends
+                gradient[k, i] += coefficient * difference * _link_length(parameters) / ds
+                gradient[k + 1, i] -= coefficient * difference * _link_length(parameters) / ds
+    return gradient
+
+
+def twist_energy(parameters: Parameters, joint_angles: FloatArray) -> float:
+    """Return the energy [J] of the twist of a fin along its chord, `joint_angles` (n, m) [rad] (Saint-Venant).
+
+    The links of one row are a strip of the width dl, which resists twist with G h^3 dl / 3. It is not of the paper.
+    """
+    fin, ds = parameters.fin, parameters.rods.support_length / parameters.fin.chains
+    angles = np.cumsum(joint_angles, axis=1)
+    squares = sum((angles[k, j] - angles[k + 1, j])**2 for k in range(fin.chains - 1) for j in range(fin.links))
+    return 0.5 * fin.shear_modulus * fin.thickness**3 / 3.0 * squares * _link_length(parameters) / ds
+
+
+def twist_torques(parameters: Parameters, joint_angles: FloatArray, joint_rates: FloatArray) -> FloatArray:
+    """Return the torques (n, m) [N], per unit chord, of the stiffness and the damping of the twist of a fin.
+
+    Those of the stiffness are minus the derivative of `twist_energy`. Those of the damping are the same with the rates
+    in the place of the angles, and c_t in that of G h^3 / 3.
+    """
+    fin, ds = parameters.fin, parameters.rods.support_length / parameters.fin.chains
+    elastic = _twist_gradient(parameters, fin.shear_modulus * fin.thickness**3 / 3.0, joint_angles)
+    damping = _twist_gradient(parameters, fin.twist_damping, joint_rates)
+    return -(elastic + damping) / ds
+
+
 def _center_of_mass(parameters: Parameters) -> FloatArray:
     """Return Cm_j (3,) [m], the middle of a link, in F_j."""
     return 0.5 * _link_length(parameters) * Y
@@ -346,13 +386,14 @@ def _added_inertia(parameters: Parameters, twist: FloatArray, normal: FloatArray
 
 
 def _chain_dynamics(
-    parameters: Parameters, joint_angles: FloatArray, joint_rates: FloatArray, normals: FloatArray,
-    base_twist: FloatArray, base_acceleration: FloatArray, water_velocity: FloatArray,
+    parameters: Parameters, joint_angles: FloatArray, joint_rates: FloatArray, twist_torque: FloatArray,
+    normals: FloatArray, base_twist: FloatArray, base_acceleration: FloatArray, water_velocity: FloatArray,
 ) -> tuple[FloatArray, FloatArray]:
     """Return the joint accelerations (m,) and f_0 (6,), per unit chord, of one chain, (16) to (32).
 
     `normals` (m, 3), `base_twist`, `base_acceleration` (6,), `water_velocity` (3,) and f_0 are in the frame of the
-    support at the chain. f_0 is the wrench of the chain on the support, about O_1.
+    support at the chain. f_0 is the wrench of the chain on the support, about O_1. `twist_torque` (m,) [N] is that of
+    the neighboring chains.
 
     The torque of a joint's spring and damper acts between two links: +tau_j on link j, and -tau_j on link j - 1 or on
     the support. So it is the component of f_j along the joint, A_j^T f_j = tau_j, and not an external wrench as in the
@@ -382,7 +423,7 @@ def _chain_dynamics(
         beta_star[j] = beta_star[j] + transforms[j + 1].T @ (beta_star[j + 1] + composite[j + 1] @ zeta[j + 1])
 
     # (28) to (30)
-    torque = elastic_torque(parameters, joint_angles) + _damping_torque(parameters, joint_rates)
+    torque = elastic_torque(parameters, joint_angles) + _damping_torque(parameters, joint_rates) + twist_torque
     Q = np.empty(links)
     for j in range(links):
         bias = _transform(transforms, j, -1) @ base_acceleration
@@ -419,13 +460,14 @@ def fin_dynamics(
 
     rotation, position, eta_0, eta_0_dot = support_motion(parameters, rod_motion, body_twist, body_acceleration)
     normals = link_normals(parameters, joint_angles)
+    twist = twist_torques(parameters, joint_angles, joint_rates)
     ds = parameters.rods.support_length / parameters.fin.chains
     joint_accelerations = np.empty(joint_angles.shape)
     wrench = np.zeros(6)
     for k, s in enumerate(_chord_positions(parameters)):
         to_chain = _Ad(np.eye(3), -s * X)
         joint_accelerations[k], f_0 = _chain_dynamics(
-            parameters, joint_angles[k], joint_rates[k], normals[k],
+            parameters, joint_angles[k], joint_rates[k], twist[k], normals[k],
             to_chain @ eta_0, to_chain @ eta_0_dot, rotation.T @ water_velocity)
         position_of_chain = position + rotation @ (s * X)
         from_body = _Ad(rotation.T, -rotation.T @ position_of_chain)  # Ad of the inverse of bg_0(s)
@@ -439,6 +481,30 @@ def orientation_matrix(orientation: FloatArray) -> FloatArray:
     return (w**2 - v @ v) * np.eye(3) + 2.0 * np.outer(v, v) + 2.0 * w * _hat(v)
 
 
+def body_inertia(parameters: Parameters) -> tuple[FloatArray, FloatArray]:
+    """Return the inertia M_RB of the body and its added mass M_A, both (6, 6), in F_b about the center of mass."""
+    body = parameters.body
+    return np.diag(np.hstack([np.full(3, body.mass), body.inertia])), np.diag(body.added_mass)
+
+
+def _water_load(parameters: Parameters, twist: FloatArray, current: FloatArray, to_body: FloatArray) -> FloatArray:
+    """Return the load (6,) of the water on the body in F_b beyond the paper, but for -M_A nu_dot (Fossen).
+
+    With nu_r = nu - (v_c, 0), it is -C_A(nu_r) nu_r - D_l nu_r - D_q |nu_r| nu_r, and -M_A (Omega x v_c, 0), as the
+    components of a steady current v_c (3,) change when the body turns; and the net buoyancy.
+    """
+    body, (_, M_A) = parameters.body, body_inertia(parameters)
+    relative = twist - np.hstack([current, np.zeros(3)])
+    p, h = np.split(M_A @ relative, 2)
+    C_A = np.block([[np.zeros((3, 3)), -_hat(p)], [-_hat(p), -_hat(h)]])
+    D = np.diag(body.linear_damping) + np.diag(body.quadratic_damping) @ np.diag(np.abs(relative))
+    turning = np.hstack([np.cross(twist[3:], current), np.zeros(3)])
+    lift = to_body @ (body.net_buoyancy * Z)
+    return (
+        -M_A @ turning - C_A @ relative - D @ relative
+        + np.hstack([lift, np.cross(np.array(body.buoyancy_center), lift)]))
+
+
 def body_acceleration(
     parameters: Parameters, orientation: FloatArray, twist: FloatArray, fin_wrench: FloatArray,
     body_wrench: FloatArray = NO_WRENCH, world_wrench: FloatArray = NO_WRENCH,
@@ -447,14 +513,16 @@ def body_acceleration(
 
     `orientation` (4,) is xyzw, and `twist` (6,) is in F_b. All wrenches (6,) are about the center of mass: `fin_wrench`
     is the sum of both fins, in F_b; `body_wrench` and `world_wrench` are external wrenches, with components in F_b and
-    in the world frame. The drag (34) is that of the velocity relative to the water.
+    in the world frame. The drag (34) is that of the velocity relative to the water. The added mass of the body, its
+    damping beside that of the paper, and its net buoyancy are not of the paper.
     """
     body, water = parameters.body, parameters.water
     to_body = orientation_matrix(orientation).T
     V, Omega = twist[:3], twist[3:]
     J = np.diag(body.inertia)
 
-    velocity = V - to_body @ np.array(water.current)
+    current = to_body @ np.array(water.current)
+    velocity = V - current
     drag_area = np.diag(body.drag_area) @ np.diag(body.drag_coefficient)
     F_d = -0.5 * water.density * np.linalg.norm(velocity) * drag_area @ velocity
     M_d = -np.diag(body.angular_damping) @ Omega
@@ -463,9 +531,9 @@ def body_acceleration(
 
     F = F_d + fin_wrench[:3] + body_wrench[:3] + to_body @ world_wrench[:3]
     M = M_d + M_buo + fin_wrench[3:] + body_wrench[3:] + to_body @ world_wrench[3:]
-    V_dot = (F - np.cross(Omega, body.mass * V)) / body.mass
-    Omega_dot = np.linalg.solve(J, M - np.cross(Omega, J @ Omega))
-    return np.hstack([V_dot, Omega_dot])
+    bias = np.hstack([np.cross(Omega, body.mass * V), np.cross(Omega, J @ Omega)])
+    M_RB, M_A = body_inertia(parameters)
+    return np.linalg.solve(M_RB + M_A, np.hstack([F, M]) - bias + _water_load(parameters, twist, current, to_body))
 
 
 def rest_state(parameters: Parameters) -> ReferenceState:

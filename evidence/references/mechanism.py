@@ -177,12 +177,23 @@ def added_mass_forces(
 
 
 def joint_torques(parameters: Parameters, joint_angles: FloatArray, joint_rates: FloatArray) -> FloatArray:
-    """Return the elastic and damping torque of each joint, (13) to (15), per unit chord (n, m) [N]."""
+    """Return the torque of each joint, per unit chord (n, m) [N]: spring and damper, (13) to (15), and the twist."""
     fin = parameters.fin
     bending_stiffness = fin.youngs_modulus * fin.thickness**3 / 12.0
     slope = np.tan(0.5 * joint_angles)
     elastic = -2.0 * bending_stiffness * fin.links / fin.span * slope * (1.0 + slope**2)
-    return elastic - fin.joint_damping * joint_rates
+    return elastic - fin.joint_damping * joint_rates + twist_torques(parameters, joint_angles, joint_rates)
+
+
+def twist_torques(parameters: Parameters, joint_angles: FloatArray, joint_rates: FloatArray) -> FloatArray:
+    """Return the torques of the twist of the fin along the chord, per unit chord (n, m) [N], from two matrices.
+
+    A sums the joints of a chain to the links' angles, and B takes the differences of neighboring chains.
+    """
+    fin, width = parameters.fin, parameters.rods.support_length / parameters.fin.chains
+    A, B = np.tri(fin.links), np.diff(np.eye(fin.chains), axis=0)
+    twisted = fin.shear_modulus * fin.thickness**3 / 3.0 * joint_angles + fin.twist_damping * joint_rates
+    return -(B.T @ B) @ twisted @ A.T @ A * (fin.span / fin.links) / width**2
 
 
 def fin_points(

@@ -2,8 +2,9 @@
 
 A fin's wrench on the body and its joint accelerations are affine in the body's acceleration, as in the mechanics of any
 tree. So seven evaluations of a fin's dynamics determine them: one without acceleration, and one with a unit
-acceleration along each of the six axes. The body's equation (36) is then one linear system. The whole state is
-integrated at once, by the classical Runge-Kutta method or by DOP853 with a tolerance near rounding.
+acceleration along each of the six axes. The body's equation (36), with its added mass on the left, is then one linear
+system. The whole state is integrated at once, by the classical Runge-Kutta method or by DOP853 with a tolerance near
+rounding.
 
 The fins' dynamics are an argument: `equations.fin_dynamics`, the default, or `pinocchio_tree.fin_dynamics`.
 """
@@ -24,6 +25,7 @@ from evidence.references.equations import (
     ReferenceState,
     RodMotion,
     body_acceleration,
+    body_inertia,
     orientation_matrix,
     quaternion_dot,
 )
@@ -72,8 +74,7 @@ def accelerations(
             wrench_slopes[side, :, axis] = wrench_at_unit - wrenches[side]
 
     # (36), solved for the acceleration on which the wrenches depend
-    body = parameters.body
-    per_wrench = np.diag(1.0 / np.hstack([np.full(3, body.mass), body.inertia]))
+    per_wrench = np.linalg.inv(sum(body_inertia(parameters)))
     held = body_acceleration(parameters, orientation, state.twist, wrenches.sum(axis=0))
     acceleration = np.linalg.solve(np.eye(6) - per_wrench @ wrench_slopes.sum(axis=0), held)
     return Accelerations(acceleration, joints + joint_slopes @ acceleration, wrenches + wrench_slopes @ acceleration)

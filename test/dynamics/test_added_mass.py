@@ -12,6 +12,7 @@ from evidence.scenarios import (
     assert_same_dynamics,
     other_parameters,
     sized,
+    twisting,
 )
 from manta_sim_ros.dynamics import fin_dynamics
 
@@ -37,7 +38,7 @@ def added(parameters, coefficient=1.0, density=1000.0):
 def any_parameters(chains, links):
     """Return the defaults and parameters of which none is at its default, both with added mass."""
     random = np.random.default_rng(chains + links)
-    other = other_parameters(chains, links, seed=chains)
+    other = twisting(other_parameters(chains, links, seed=chains))
     return added(sized(chains, links)), added(other, random.uniform(0.3, 3.0), random.uniform(500.0, 2000.0))
 
 

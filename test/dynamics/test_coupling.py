@@ -12,6 +12,8 @@ from evidence.scenarios import (
     OTHER_BODY,
     SWIM,
     TURN,
+    TWIST,
+    WATER_OF_BODY,
     any_state,
     assert_close,
     settled_rods,
@@ -26,6 +28,8 @@ from manta_sim_ros.dynamics import Simulator, State
     (3, 3, {'rods': {'command_time_constant': 0.0}, 'solver': {'fixed_base': True}}),
     (2, 1, {'rods': {'command_time_constant': 0.05}}),
     (2, 2, OTHER_BODY),
+    (4, 2, {'fin': TWIST, 'body': WATER_OF_BODY, 'rods': {'command_time_constant': 0.0}}),
+    (3, 1, {**OTHER_BODY, 'fin': TWIST, 'body': {**OTHER_BODY['body'], **WATER_OF_BODY}}),
 ])
 def test_steps_agree_with_the_reference_implementation(chains, links, groups):
     parameters = sized(chains, links, **{'water': {'current': (0.3, -0.2, 0.1)}, **groups})

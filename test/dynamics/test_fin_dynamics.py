@@ -6,15 +6,29 @@ import numpy as np
 import pytest
 
 from evidence.references import equations
-from evidence.scenarios import SIZES, any_moment, assert_close, assert_same_dynamics, other_parameters, sized
+from evidence.scenarios import (
+    SIZES,
+    any_moment,
+    assert_close,
+    assert_same_dynamics,
+    other_parameters,
+    sized,
+    twisting,
+)
 from manta_sim_ros.dynamics import fin_dynamics
 from manta_sim_ros.dynamics._kernels.fin import sine_cosine
+
+
+def cases(chains, links):
+    """Return the default and other parameters, without and with stiffness and damping of the twist."""
+    plain = [sized(chains, links), other_parameters(chains, links, seed=chains)]
+    return [*plain, *map(twisting, plain)]
 
 
 @pytest.mark.parametrize('side', [0, 1])
 @pytest.mark.parametrize(('chains', 'links'), SIZES)
 def test_fin_dynamics_agree_with_the_reference_implementation(chains, links, side):
-    for seed, parameters in enumerate([sized(chains, links), other_parameters(chains, links, seed=chains)]):
+    for seed, parameters in enumerate(cases(chains, links)):
         moment = any_moment(parameters, seed=100 * chains + 10 * links + seed)
         assert_same_dynamics(
             fin_dynamics(parameters, side, *moment), equations.fin_dynamics(parameters, side, *moment))
@@ -23,7 +37,7 @@ def test_fin_dynamics_agree_with_the_reference_implementation(chains, links, sid
 @pytest.mark.parametrize('side', [0, 1])
 @pytest.mark.parametrize(('chains', 'links'), SIZES)
 def test_fin_dynamics_agree_with_pinocchio(chains, links, side, pinocchio_tree):
-    for seed, parameters in enumerate([sized(chains, links), other_parameters(chains, links, seed=chains)]):
+    for seed, parameters in enumerate(cases(chains, links)):
         moment = any_moment(parameters, seed=200 * chains + 10 * links + seed)
         assert_same_dynamics(
             fin_dynamics(parameters, side, *moment), pinocchio_tree.fin_dynamics(parameters, side, *moment))

@@ -14,6 +14,8 @@ from evidence.scenarios import (
     OTHER_BODY,
     SWIM,
     TURN,
+    TWIST,
+    WATER_OF_BODY,
     any_state,
     assert_close,
     assert_same_bits,
@@ -28,6 +30,8 @@ from manta_sim_ros.dynamics import DivergenceError, Simulator, State, fin_dynami
 
 AT_ONCE = {'command_time_constant': 0.0}
 ADDED_MASS = {'added_mass_coefficient': 0.8, 'added_mass_density': 1100.0}
+BEYOND = {'fin': TWIST, 'body': WATER_OF_BODY}
+GENTLE = {'fin': {'shear_modulus': 1e5, 'twist_damping': 1e-4}, 'body': WATER_OF_BODY}  # stable with many chains
 CURRENT = (0.3, -0.2, 0.1)  # [m/s]
 REFERENCE_FIELDS = tuple(field.name for field in dataclasses.fields(equations.ReferenceState))
 
@@ -75,6 +79,9 @@ def fin_dynamics_in_current(
     ('equations', 3, 2, 25, {'water': {'current': CURRENT, **ADDED_MASS}, 'solver': {'fixed_base': True}}),
     ('pinocchio_tree', 2, 1, 25, {'water': {'current': CURRENT}}),
     ('pinocchio_tree', 2, 2, 25, {**OTHER_BODY, 'water': {**OTHER_BODY['water'], **ADDED_MASS}}),
+    ('equations', 4, 2, 2, {'water': {'current': CURRENT, **ADDED_MASS}, **BEYOND}),
+    ('equations', 2, 1, 25, {'water': {'current': CURRENT}, **BEYOND}),
+    ('pinocchio_tree', 3, 2, 5, {**OTHER_BODY, **BEYOND, 'body': {**OTHER_BODY['body'], **WATER_OF_BODY}}),
 ])
 def test_steps_agree_with_the_reference_implementation(reference, chains, links, steps, groups):
     reference = pytest.importorskip(f'evidence.references.{reference}')
@@ -97,10 +104,12 @@ def test_steps_agree_with_the_reference_implementation(reference, chains, links,
             np.testing.assert_allclose(state.rod_angles[side], rods(side, expected.time)[:, 0], rtol=0.0, atol=1e-11)
 
 
-@pytest.mark.parametrize('water', [{}, ADDED_MASS], ids=['without added mass', 'with added mass'])
-def test_the_trajectory_is_that_of_an_integrator_of_eighth_order(water):
+@pytest.mark.parametrize(('water', 'others'), [({}, {}), (ADDED_MASS, {}), (ADDED_MASS, BEYOND)], ids=[
+    'without added mass', 'with added mass', 'with all that is beyond the paper'])
+def test_the_trajectory_is_that_of_an_integrator_of_eighth_order(water, others):
     # the step is so small that what Runge and Kutta lose where the drag changes its sign is below the tolerance
-    parameters = monolithic(2, 1, rods=AT_ONCE, water={'current': CURRENT, **water}, solver={'time_step': 5e-5})
+    parameters = monolithic(
+        2, 1, rods=AT_ONCE, water={'current': CURRENT, **water}, solver={'time_step': 5e-5}, **others)
     start = any_state(parameters)
     exact = reference_monolithic.trajectory(
         parameters, reference_state(start), settled_rods(parameters, start), 0.3, fin_dynamics_in_current)
@@ -115,7 +124,8 @@ def test_the_trajectory_is_that_of_an_integrator_of_eighth_order(water):
     {'water': {'density': 0.0, **ADDED_MASS}},
     {'water': {'density': 200.0, 'current': (0.0, 0.0, -2.0)}},
     {'water': {'density': 200.0, 'current': (0.0, 0.0, -2.0), **ADDED_MASS}},
-], ids=['added mass', 'drag', 'drag and added mass'])
+    {'water': {'density': 0.0, **ADDED_MASS}, 'fin': TWIST, 'body': {'added_mass': WATER_OF_BODY['added_mass']}},
+], ids=['added mass', 'drag', 'drag and added mass', 'added mass of fins and body, and twist'])
 def test_the_whole_state_converges_with_fourth_order(groups):
     base = monolithic(3, 2, rods=AT_ONCE, **groups)
     start = dataclasses.replace(any_state(base), orientation=np.array([0.1, -0.2, 0.1, 1.0]) / 1.06**0.5)
@@ -148,6 +158,7 @@ def equations_hold(parameters, state):
 @pytest.mark.parametrize('groups', [
     {}, {'water': ADDED_MASS}, {'water': ADDED_MASS, 'solver': {'fixed_base': True}},
     {**OTHER_BODY, 'water': {'density': 3000.0, **ADDED_MASS}},
+    {'water': ADDED_MASS, **GENTLE},
 ])
 def test_acceleration_and_wrenches_satisfy_the_equations_of_motion_at_the_states_time(groups):
     parameters = monolithic(17, 3, **groups)
@@ -271,9 +282,10 @@ def test_a_symmetric_gait_never_leaves_the_plane_of_symmetry(water):
         np.testing.assert_array_equal(state.fin_wrenches[0], MIRROR * state.fin_wrenches[1])
 
 
-@pytest.mark.parametrize('added_mass', [{}, ADDED_MASS], ids=['without added mass', 'with added mass'])
-def test_exchanged_commands_make_the_mirrored_motion_to_the_last_bit(added_mass):
-    parameters = monolithic(17, 2, water={'current': (0.2, 0.1, -0.1), **added_mass})
+@pytest.mark.parametrize(('added_mass', 'others'), [({}, {}), (ADDED_MASS, {}), (ADDED_MASS, BEYOND)], ids=[
+    'without added mass', 'with added mass', 'with all that is beyond the paper'])
+def test_exchanged_commands_make_the_mirrored_motion_to_the_last_bit(added_mass, others):
+    parameters = monolithic(17, 2, water={'current': (0.2, 0.1, -0.1), **added_mass}, **others)
     start = any_state(parameters)
     one = Simulator(parameters, state=start)
     other = Simulator(parameters.replace(water={'current': (0.2, -0.1, -0.1)}), state=mirrored(start))
@@ -283,7 +295,7 @@ def test_exchanged_commands_make_the_mirrored_motion_to_the_last_bit(added_mass)
         assert_same_bits(dataclasses.replace(one.advance(0.5)), mirrored(other.advance(0.5)))
 
 
-@pytest.mark.parametrize('groups', [{}, {'solver': {'coupling': 'monolithic', 'fixed_base': True}}])
+@pytest.mark.parametrize('groups', [{}, {'solver': {'coupling': 'monolithic', 'fixed_base': True}}, GENTLE])
 def test_steps_at_once_one_by_one_and_after_a_restart_have_the_same_bits(groups):
     parameters = monolithic(17, 3, water={'current': (0.1, 0.2, 0.3), **ADDED_MASS}).replace(**groups)
     at_once, one_by_one = in_transition(parameters), in_transition(parameters)
