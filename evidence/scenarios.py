@@ -47,6 +47,11 @@ WATER_OF_BODY = {
     'added_mass': (7.0, 30.0, 90.0, 1.2, 2.5, 0.6), 'linear_damping': (3.0, 4.0, 6.0, 0.7, 0.9, 0.5),
     'quadratic_damping': (8.0, 20.0, 40.0, 1.5, 3.0, 0.8), 'net_buoyancy': -4.0}
 """Values of the group `body` for all that the water does to the body beyond the paper."""
+BARE = {
+    'water': {'density': 0.0},
+    'fin': {'chains': 2, 'links': 1, 'span': 1e-3, 'thickness': 1e-5, 'density': 1.0, 'youngs_modulus': 1e3,
+            'joint_damping': 0.0}}
+"""Groups for a body whose fins are so small and light that it does not feel them, without drag."""
 
 
 def sized(chains, links, **groups):

@@ -139,25 +139,56 @@ def to_world(history: History) -> FloatArray:
 
 
 def energy(parameters: Parameters, history: History) -> dict[str, FloatArray]:
-    """Return (T,) [J] each: `kinetic` energy of body and links, `elastic` energy (13), energy of `buoyancy` (35)."""
+    """Return (T,) [J] each: `kinetic` energy of body and links, `elastic` energy (13), energy of `buoyancy` (35).
+
+    Beyond the paper, the kinetic energy includes that of the water around the body, the elastic energy that of the
+    twist of the fins along the chord, and the energy of buoyancy that of the net buoyancy.
+    """
     body, fin = parameters.body, parameters.fin
+    rotations = to_world(history)
     inertia = np.array([body.mass] * 3 + list(body.inertia))
     kinetic = 0.5 * np.sum(inertia * history.twist**2, axis=1)
     for side in range(2):
         velocities = fin_motion(parameters, history, side, GAUSS_POINTS).velocities
         kinetic = kinetic + 0.5 * _point_mass(parameters) * np.sum(velocities**2, axis=(0, 2, 3, 4))
+    relative, added_mass = relative_twist(parameters, history), np.array(body.added_mass)
+    current = history.twist - relative
+    # in a current, the work of the momentum of the added mass is not that of its energy alone
+    kinetic = kinetic + np.sum(added_mass * relative * (0.5 * relative + current), axis=1)
     link = fin.span / fin.links
     curvature = 2.0 * np.tan(0.5 * history.joint_angles) / link
     bending_stiffness = fin.youngs_modulus * fin.thickness**3 / 12.0
     elastic = 0.5 * bending_stiffness * link * _chord(parameters) * np.sum(curvature**2, axis=(1, 2, 3))
-    height = to_world(history)[:, 2] @ np.array(body.buoyancy_center)
-    return {'kinetic': kinetic, 'elastic': elastic, 'buoyancy': -body.mass * body.gravity * height}
+    height = rotations[:, 2] @ np.array(body.buoyancy_center)
+    lifted = body.net_buoyancy * (history.position[:, 2] + height)
+    return {
+        'kinetic': kinetic,
+        'elastic': elastic + 0.5 * fin.shear_modulus * fin.thickness**3 / 3.0 * _twist(parameters, history.joint_angles),
+        'buoyancy': -body.mass * body.gravity * height - lifted,
+    }
+
+
+def relative_twist(parameters: Parameters, history: History) -> FloatArray:
+    """Return the twist of the body relative to the water (T, 6), in F_b."""
+    current = np.einsum('tba,b->ta', to_world(history), np.array(parameters.water.current))
+    return history.twist - np.concatenate([current, np.zeros_like(current)], axis=1)
+
+
+def _twist(parameters: Parameters, joints: FloatArray) -> FloatArray:
+    """Return the squared differences of the links' angles (or rates) along the chord, times dl / ds, of both fins.
+
+    `joints` is (T, 2, n, m); the result is (T,). The links of one row are a strip of the width dl, which is twisted by
+    the difference over the length ds.
+    """
+    differences = np.diff(np.cumsum(joints, axis=3), axis=2)
+    return np.sum(differences**2, axis=(1, 2, 3)) * parameters.fin.span / parameters.fin.links / _chord(parameters)
 
 
 def power(parameters: Parameters, history: History) -> dict[str, FloatArray]:
     """Return (T,) [W] each: the power on the robot of `rods`, `drag` of fins and body, `added mass` and `dampers`.
 
     The rods move the supports relative to the body against the fins' wrenches: their power is -wrench . relative twist.
+    `drag` includes the linear and the quadratic damping of the body, `dampers` that of the twist of the fins.
     """
     body, fin, water = parameters.body, parameters.fin, parameters.water
     rods, drag_on_fins, added_mass = np.zeros((3, len(history.time)))
@@ -177,24 +208,32 @@ def power(parameters: Parameters, history: History) -> dict[str, FloatArray]:
                 parameters, ends.positions[..., 0, :], ends.positions[..., 1, :], accelerations)
             added_mass += _chord(parameters) * np.sum(forces * middle, axis=(0, 2, 3))
         rods -= np.sum(history.fin_wrenches[:, side] * ends.relative_twist, axis=1)
-    relative_velocity = history.twist[:, :3] - current
+    relative = relative_twist(parameters, history)
+    relative_velocity = relative[:, :3]
+    resistance = np.array(body.linear_damping) + np.array(body.quadratic_damping) * np.abs(relative)
     speed = np.linalg.norm(relative_velocity, axis=1, keepdims=True)
     area = np.multiply(body.drag_area, body.drag_coefficient)
     drag = -0.5 * water.density * area * speed * relative_velocity
     joints = -fin.joint_damping * _chord(parameters) * np.sum(history.joint_rates**2, axis=(1, 2, 3))
+    joints = joints - fin.twist_damping * _twist(parameters, history.joint_rates)
     return {
         'rods': rods,
-        'drag': drag_on_fins + np.sum(drag * history.twist[:, :3], axis=1),
+        'drag': (drag_on_fins + np.sum(drag * history.twist[:, :3], axis=1)
+                 - np.sum(resistance * relative * history.twist, axis=1)),
         'added mass': added_mass,
         'dampers': joints - np.sum(np.array(body.angular_damping) * history.twist[:, 3:] ** 2, axis=1),
     }
 
 
 def momentum(parameters: Parameters, history: History) -> FloatArray:
-    """Return the linear and angular momentum (T, 6) [N s, N m s] of the robot about the origin, world frame."""
+    """Return the linear and angular momentum (T, 6) [N s, N m s] of the robot about the origin, world frame.
+
+    It includes the impulse of the water around the body, its added mass.
+    """
     body, rotations = parameters.body, to_world(history)
-    linear = body.mass * history.twist[:, :3]
-    angular = np.array(body.inertia) * history.twist[:, 3:]  # about the center of mass
+    impulse = np.array(body.added_mass) * relative_twist(parameters, history)
+    linear = body.mass * history.twist[:, :3] + impulse[:, :3]
+    angular = np.array(body.inertia) * history.twist[:, 3:] + impulse[:, 3:]  # about the center of mass
     for side in range(2):
         points = fin_motion(parameters, history, side, GAUSS_POINTS)
         linear = linear + _point_mass(parameters) * np.sum(points.velocities, axis=(0, 2, 3))
