@@ -11,7 +11,7 @@ from scipy.interpolate import CubicHermiteSpline
 from scipy.special import ellipk
 
 from evidence.references import equations
-from evidence.scenarios import any_moment, sized
+from evidence.scenarios import TWIST, any_moment, sized
 from evidence.verification.claims import Claim, Section, rounded
 from evidence.verification.figures import draw_convergence, fitted_order
 from evidence.verification.mechanics import without_smoothing
@@ -23,7 +23,8 @@ if TYPE_CHECKING:
 AGREEMENT = 5e-12
 SIZES = (2, 1), (4, 2), (7, 3), (5, 6), (12, 4)  # chains, links
 WATERS = {'': {}, ' with added mass': {
-    'water': {'added_mass_coefficient': 1.0}, 'solver': {'coupling': MONOLITHIC}}}
+    'water': {'added_mass_coefficient': 1.0}, 'solver': {'coupling': MONOLITHIC}},
+    ' with twist': {'fin': TWIST}}
 
 
 def one_fin(quick: bool = False) -> Section:
@@ -62,7 +63,7 @@ def one_fin(quick: bool = False) -> Section:
 
     def draw(figure: Figure) -> None:
         axes = figure.subplots()
-        for marker, (name, values) in zip('osx+', errors.items(), strict=True):
+        for marker, (name, values) in zip('osx+^v', errors.items(), strict=True):
             axes.semilogy(joints, values, marker, label=name)
         axes.axhline(AGREEMENT, color='k', linestyle='--', linewidth=0.9, label='tolerance')
         axes.set(xlabel='number of joints of the fin', ylabel='largest difference, relative')
@@ -73,7 +74,7 @@ def one_fin(quick: bool = False) -> Section:
 the paper line by line, with 6 x 6 matrices, one chain at a time, and with M q-ddot = Q solved as a whole. The Pinocchio
 tree (`pinocchio_tree.py` and `mechanism.py` beside it) takes only the geometry of the mechanism, the springs and the
 forces of the water from the paper. Pinocchio computes the multibody dynamics, and the right fin is modeled directly
-instead of being mirrored. The implementations are compared with and without added mass, in {states} random
+instead of being mirrored. The implementations are compared without and with added mass, and with twist, in {states} random
 states each, for fins of {len(joints)} sizes. These fins are more bent and move faster than those of a robot.
 Differences are relative to the largest entry.
 

@@ -8,19 +8,22 @@ from pathlib import Path
 import pytest
 
 from evidence.report import read_table
-from evidence.verification import page, references
+from evidence.verification import body_in_water, page, references
 from evidence.verification.claims import Claim
 from evidence.verification.themes import THEMES
 
 ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / 'docs' / 'verification.md').read_text(encoding='utf-8')
+NEEDS = {
+    references.one_fin: ['pinocchio'], body_in_water.added_mass_of_the_body: ['pinocchio'],
+    body_in_water.plate_from_rest: ['mujoco']}
 CHECKS = [check for checks in THEMES.values() for check in checks]
 
 
 @functools.cache
 def measured(check):
-    if check is references.one_fin:
-        pytest.importorskip('pinocchio')
+    for module in NEEDS.get(check, ()):
+        pytest.importorskip(module)
     return check(quick=True)
 
 
