@@ -161,9 +161,10 @@ def energy(parameters: Parameters, history: History) -> dict[str, FloatArray]:
     elastic = 0.5 * bending_stiffness * link * _chord(parameters) * np.sum(curvature**2, axis=(1, 2, 3))
     height = rotations[:, 2] @ np.array(body.buoyancy_center)
     lifted = body.net_buoyancy * (history.position[:, 2] + height)
+    twisted = 0.5 * fin.shear_modulus * fin.thickness**3 / 3.0 * _twist(parameters, history.joint_angles)
     return {
         'kinetic': kinetic,
-        'elastic': elastic + 0.5 * fin.shear_modulus * fin.thickness**3 / 3.0 * _twist(parameters, history.joint_angles),
+        'elastic': elastic + twisted,
         'buoyancy': -body.mass * body.gravity * height - lifted,
     }
 

@@ -74,8 +74,8 @@ def one_fin(quick: bool = False) -> Section:
 the paper line by line, with 6 x 6 matrices, one chain at a time, and with M q-ddot = Q solved as a whole. The Pinocchio
 tree (`pinocchio_tree.py` and `mechanism.py` beside it) takes only the geometry of the mechanism, the springs and the
 forces of the water from the paper. Pinocchio computes the multibody dynamics, and the right fin is modeled directly
-instead of being mirrored. The implementations are compared without and with added mass, and with twist, in {states} random
-states each, for fins of {len(joints)} sizes. These fins are more bent and move faster than those of a robot.
+instead of being mirrored. The implementations are compared without and with added mass, and with twist, in {states}
+random states each, for fins of {len(joints)} sizes. These fins are more bent and move faster than those of a robot.
 Differences are relative to the largest entry.
 
 All three implementations were written from one page that settles the slips of the paper (`docs/paper.md`). An error in

@@ -30,9 +30,8 @@ def test_the_torques_of_the_reference_state_are_those_computed_by_hand(side, cou
     for fin, expected in (({'shear_modulus': SHEAR_MODULUS}, ELASTIC), ({'twist_damping': TWIST_DAMPING}, DAMPING)):
         parameters = sized(4, 2, fin=fin, solver={'coupling': coupling})
         torques = twist_torques(parameters, side, moment)
-        np.testing.assert_allclose(torques, expected, rtol=0.0, atol=6e-7)  # half a unit of the last digit, and more
-        # the damping of the kernel rounds each product; measured: 3e-12
-        assert_close(torques, equations.twist_torques(parameters, ANGLES, RATES), 1e-10)
+        np.testing.assert_allclose(torques, expected, rtol=0.0, atol=6e-7)  # half a unit of the last digit
+        assert_close(torques, equations.twist_torques(parameters, ANGLES, RATES), 1e-11)  # measured: 4e-14
 
 
 def test_the_energy_of_the_reference_state_is_that_computed_by_hand():
@@ -51,7 +50,7 @@ def test_the_elastic_torque_is_minus_the_derivative_of_the_energy(chains, links)
         step[k, j] = 0.5  # the energy is quadratic, so that a central difference of any width is exact
         slope = (equations.twist_energy(parameters, moment[1] + step)
                  - equations.twist_energy(parameters, moment[1] - step))
-        assert torques[k, j] == pytest.approx(-slope / ds, abs=1e-9 * np.abs(torques).max())
+        assert torques[k, j] == pytest.approx(-slope / ds, abs=1e-11 * np.abs(torques).max())  # measured: 1e-14
 
 
 @pytest.mark.parametrize('coupling', ['sequential', 'monolithic'])
@@ -66,7 +65,7 @@ def test_chains_that_turn_alike_feel_nothing_of_the_twist(coupling):
 def test_the_twist_hands_no_net_torque_to_the_support():
     parameters = sized(7, 3, fin=TWIST)
     torques = twist_torques(parameters, 0, any_moment(parameters, seed=4))
-    np.testing.assert_allclose(torques.sum(axis=0), 0.0, atol=1e-9 * np.abs(torques).max())
+    np.testing.assert_allclose(torques.sum(axis=0), 0.0, atol=1e-11 * np.abs(torques).max())
 
 
 def test_the_edges_of_the_fin_are_free():
@@ -112,8 +111,8 @@ def test_natural_frequencies_are_those_of_cosines_along_the_chord(chains, links,
     parameters = sized(
         chains, links, water={'density': 0.0}, fin={'joint_damping': 0.0, 'shear_modulus': shear_modulus})
     measured = frequencies(parameters)
-    # the stiffness (14) is not linear, by the square of the angle, 1e-10; differences lose half of the digits
-    np.testing.assert_allclose(measured, frequencies_of_cosine_modes(parameters), rtol=1e-7)
+    # the stiffness (14) is not linear, by the square of the angle, 1e-10; measured: 3e-10
+    np.testing.assert_allclose(measured, frequencies_of_cosine_modes(parameters), rtol=3e-9)
     if (chains, links) == (4, 2):
         np.testing.assert_allclose(measured[:4], [28.4248845, 31.2618534, 37.0768245, 41.9403801], rtol=1e-8)
 
