@@ -43,6 +43,8 @@ OTHER_BODY = {
 NO_WATER = {'water': {'density': 0.0}, 'body': {'gravity': 0.0, 'angular_damping': (0.0, 0.0, 0.0)}}
 TWIST = {'shear_modulus': 2e6, 'twist_damping': 0.02}
 """Values of the group `fin` with which neighboring chains resist twist."""
+SOFT_TWIST = {'shear_modulus': 1e5, 'twist_damping': 1e-4}
+"""The same, stable with the default step and many chains."""
 WATER_OF_BODY = {
     'added_mass': (7.0, 30.0, 90.0, 1.2, 2.5, 0.6), 'linear_damping': (3.0, 4.0, 6.0, 0.7, 0.9, 0.5),
     'quadratic_damping': (8.0, 20.0, 40.0, 1.5, 3.0, 0.8), 'net_buoyancy': -4.0}

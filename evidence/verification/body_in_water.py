@@ -85,10 +85,10 @@ def added_mass_of_the_body(quick: bool = False) -> Section:
         lambda speed: _pitch_rate(parameters, speed, 4.0) - 1.0, 0.9 * expected, 1.1 * expected, xtol=1e-9))
     claims = (
         Claim("error of the body's acceleration with added mass in random states",
-              "Pinocchio's tree with M_A and Fossen's C_A", error, 1e-10,
+              "Pinocchio's tree with M_A and Fossen's C_A", error, 3e-13,
               'rounding times the condition of the tree; measured with a margin of 20'),
         Claim('error of the speed from which the bare body is unstable in pitch', "Munk's moment, derived",
-              abs(measured / expected - 1.0), 1e-7, 'the remaining mass of the fins; measured with a margin of 10'),
+              abs(measured / expected - 1.0), 1e-9, 'the mass of the fins that are left; measured with a margin of 8'),
     )
 
     def draw(figure: Figure) -> None:
@@ -154,7 +154,7 @@ def plate_from_rest(quick: bool = False) -> Section:
     theirs = _mujoco_plate(HALF_AXES, body.mass, body.inertia)
     claims = (
         Claim('error of the velocity of a plate that a force accelerates from rest', 'F t / (m + A)',
-              float(np.abs(velocity / (FORCE / along) - time).max() / time[-1]), 1e-8,
+              float(np.abs(velocity / (FORCE / along) - time).max() / time[-1]), 5e-10,
               'the mass of the fins that are left; measured with a margin of 10'),
         Claim("error of the first acceleration of MuJoCo's plate", 'F / m, as without water',
               float(abs(theirs[2, 0] / (FORCE / body.mass) - 1.0)), 1e-12, 'rounding'),

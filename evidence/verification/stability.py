@@ -179,7 +179,7 @@ SHEAR_MODULUS = 1e8 / 2.6  # [Pa], of the default fin, isotropic with Poisson's 
 SHARES = 0.0, 0.1, 1.0  # of it
 TWISTED_CHAINS = 8, 12, 30, 60
 TWIST_BAND = 1.0, 1.15
-SHORT = 2.0  # [s]; a step that is too small for the twist diverges at once
+SHORT = 1.0  # [s]; a step that is too small for the twist diverges at once
 
 
 def twisted(quick: bool = False) -> Section:
@@ -211,8 +211,8 @@ def twisted(quick: bool = False) -> Section:
             drawn = axes.loglog(chains, 1e3 * values * ratios['staggered', share], marker,
                                 label=f'G = {rounded(share * SHEAR_MODULUS)} Pa' if share else 'G = 0')[0]
             axes.loglog(chains, 1e3 * values, '--', linewidth=0.9, color=drawn.get_color())
-        mark(axes, chains)
         axes.loglog([], [], 'k--', linewidth=0.9, label='estimate')
+        mark(axes, chains)
         axes.set(xlabel='chains n', ylabel='step that diverges [ms]')
         axes.legend()
 

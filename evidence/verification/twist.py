@@ -94,9 +94,9 @@ def twist_along_the_chord(quick: bool = False) -> Section:
     errors = [float(np.abs(measured[number][1] / strip[0] - 1.0)) for number in chains]
     claims = (
         Claim('error of the torques of the twist in random states', 'minus the derivative of the energy, in NumPy',
-              torque, 1e-10, 'rounding times the condition of the chain; measured with a margin of 20'),
+              torque, 3e-13, 'rounding times the condition of the chain; measured with a margin of 20'),
         Claim('error of all natural frequencies of a fin with twist', 'cosines along the chord, derived', spectrum,
-              1e-8, 'differences of 1e-5 rad lose half of the digits; measured with a margin of 5'),
+              1e-9, 'differences of 1e-5 rad lose half of the digits; measured with a margin of 5'),
         Claim('order of the first chordwise frequency in the number of chains', 'a continuous strip with free edges',
               fitted_order([1.0 / number for number in chains[-2:]], errors[-2:]), (1.9, 2.1),
               'derived: 2, for the second difference'),

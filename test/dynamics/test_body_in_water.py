@@ -69,7 +69,7 @@ def test_a_force_from_rest_accelerates_the_body_and_its_added_mass(axis, couplin
     simulator = Simulator(parameters.replace(solver={'time_step': 1e-4}))
     acceleration = simulator.advance(1e-4, body_wrench=wrench).acceleration
     inertia = np.array([parameters.body.mass] * 3 + list(parameters.body.inertia)) + ADDED_MASS
-    # of the end of the step, when the righting moment begins, measured: 2e-8; the fins have a mass of 6e-9 kg
+    # at the end of the step the righting moment has begun: measured 2e-8. The fins have a mass of 6e-9 kg
     assert acceleration[axis] == pytest.approx(3.0 / inertia[axis], rel=1e-7)
     np.testing.assert_allclose(np.delete(acceleration, axis), 0.0, atol=1e-7)
 
@@ -89,7 +89,8 @@ def test_net_buoyancy_acts_upward_at_the_center_of_buoyancy(turned, coupling):
     expected = np.hstack([force, moment]) / inertia
     if not turned:
         assert expected[2] == 5.0 / (20.0 + 106.0)
-    np.testing.assert_allclose(acceleration, expected, rtol=0.0, atol=1e-8)  # the motion of one step, and the fins; measured: 6e-10
+    # the motion of one step, and the fins; measured: 6e-10
+    np.testing.assert_allclose(acceleration, expected, rtol=0.0, atol=1e-8)
 
 
 @pytest.mark.parametrize('axis', range(6))

@@ -5,13 +5,24 @@ import dataclasses
 import numpy as np
 import pytest
 
-from evidence.scenarios import MIRROR, SWIM, TURN, any_moment, assert_same_bits, mirrored, sized
+from evidence.scenarios import (
+    MIRROR,
+    SOFT_TWIST,
+    SWIM,
+    TURN,
+    WATER_OF_BODY,
+    any_moment,
+    assert_same_bits,
+    mirrored,
+    sized,
+    twisting,
+)
 from manta_sim_ros.dynamics import FinCommand, Parameters, Simulator, State, fin_dynamics
 
 
 @pytest.mark.parametrize('seed', range(5))
 def test_the_right_fin_is_the_left_one_mirrored_to_the_last_bit(seed):
-    parameters = sized(17, 3)
+    parameters = twisting(sized(17, 3)) if seed % 2 else sized(17, 3)
     rods, angles, rates, twist, acceleration = any_moment(parameters, seed)
     left = fin_dynamics(parameters, 0, rods, angles, rates, twist, acceleration)
     right = fin_dynamics(parameters, 1, rods, angles, rates, MIRROR * twist, MIRROR * acceleration)
@@ -39,8 +50,9 @@ def test_a_symmetric_gait_never_leaves_the_plane_of_symmetry(gait, groups):
         np.testing.assert_array_equal(state.joint_angles[0], state.joint_angles[1])
 
 
-def test_exchanged_commands_make_the_mirrored_motion_to_the_last_bit():
-    parameters = sized(17, 2, water={'current': (0.2, 0.1, -0.1)})
+@pytest.mark.parametrize('groups', [{}, {'fin': SOFT_TWIST, 'body': WATER_OF_BODY}], ids=['paper', 'beyond the paper'])
+def test_exchanged_commands_make_the_mirrored_motion_to_the_last_bit(groups):
+    parameters = sized(17, 2, water={'current': (0.2, 0.1, -0.1)}, **groups)
     start = dataclasses.replace(
         State.at_rest(parameters), position=(1.0, 2.0, 3.0), orientation=np.array([1.0, -2.0, 3.0, 4.0]) / 30**0.5,
         twist=(0.1, 0.2, -0.1, 0.3, -0.2, 0.1))

@@ -12,6 +12,7 @@ from evidence.scenarios import (
     MIRROR,
     NO_WATER,
     OTHER_BODY,
+    SOFT_TWIST,
     SWIM,
     TURN,
     TWIST,
@@ -31,7 +32,7 @@ from manta_sim_ros.dynamics import DivergenceError, Simulator, State, fin_dynami
 AT_ONCE = {'command_time_constant': 0.0}
 ADDED_MASS = {'added_mass_coefficient': 0.8, 'added_mass_density': 1100.0}
 BEYOND = {'fin': TWIST, 'body': WATER_OF_BODY}
-GENTLE = {'fin': {'shear_modulus': 1e5, 'twist_damping': 1e-4}, 'body': WATER_OF_BODY}  # stable with many chains
+GENTLE = {'fin': SOFT_TWIST, 'body': WATER_OF_BODY}
 CURRENT = (0.3, -0.2, 0.1)  # [m/s]
 REFERENCE_FIELDS = tuple(field.name for field in dataclasses.fields(equations.ReferenceState))
 

@@ -6,7 +6,17 @@ import pickle
 import numpy as np
 import pytest
 
-from evidence.scenarios import STATE_FIELDS, SWIM, TURN, assert_same_bits, in_transition, run_python, sized
+from evidence.scenarios import (
+    SOFT_TWIST,
+    STATE_FIELDS,
+    SWIM,
+    TURN,
+    WATER_OF_BODY,
+    assert_same_bits,
+    in_transition,
+    run_python,
+    sized,
+)
 from manta_sim_ros.dynamics import Simulator
 from manta_sim_ros.dynamics import simulator as simulator_module
 
@@ -29,7 +39,9 @@ print(digest.hexdigest())
 """
 
 
-@pytest.mark.parametrize('groups', [{}, {'solver': {'fixed_base': True}}, {'rods': {'command_time_constant': 0.0}}])
+@pytest.mark.parametrize('groups', [
+    {}, {'solver': {'fixed_base': True}}, {'rods': {'command_time_constant': 0.0}},
+    {'fin': SOFT_TWIST, 'body': WATER_OF_BODY}])
 def test_one_second_twice_is_two_seconds_to_the_last_bit(groups):
     one, other = in_transition(PARAMETERS.replace(**groups)), in_transition(PARAMETERS.replace(**groups))
     one.advance(1.0)

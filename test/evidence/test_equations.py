@@ -20,6 +20,8 @@ from evidence.references.equations import (
     rest_state,
     step,
     support_motion,
+    twist_energy,
+    twist_torques,
 )
 from manta_sim_ros.dynamics import Parameters
 
@@ -227,6 +229,17 @@ def test_the_elastic_torque_is_minus_the_slope_of_the_elastic_energy():
     assert_close(elastic_torque(parameters, angles), -slope, 1e-11)
 
 
+def test_the_torque_of_the_twist_is_minus_the_slope_of_its_energy():
+    parameters = with_twist(small_fin())
+    angles = Moment.any(parameters).joint_angles
+    ds = parameters.rods.support_length / parameters.fin.chains
+    slope = np.array([
+        rate(lambda step, unit=unit: twist_energy(parameters, angles + step * unit.reshape(angles.shape)))
+        for unit in np.eye(angles.size)]).reshape(angles.shape)
+    # rounding of the energy, over the step
+    assert_close(ds * twist_torques(parameters, angles, np.zeros_like(angles)), -slope, 1e-10)
+
+
 def test_the_normal_is_a_unit_vector_across_the_link_and_points_up():
     parameters = small_fin()
     angles = Moment.any(parameters).joint_angles
@@ -282,7 +295,12 @@ def test_every_material_point_obeys_newtons_law(side, chains, links):
         assert_close(work_of_inertia, stiff[:, j] + damping[:, j] + work_of_drag, 2e-6)
 
 
-@pytest.mark.parametrize('loads', [without_loads, lambda parameters: parameters], ids=['unloaded', 'loaded'])
+def with_twist(parameters):
+    return with_values(parameters, fin={'shear_modulus': 1e6})
+
+
+@pytest.mark.parametrize(
+    'loads', [without_loads, lambda parameters: parameters, with_twist], ids=['unloaded', 'loaded', 'with twist'])
 def test_the_fins_energy_changes_by_the_power_of_its_loads(loads):
     parameters = loads(small_fin())
     moving = Moment.any(parameters)
@@ -296,7 +314,8 @@ def test_the_fins_energy_changes_by_the_power_of_its_loads(loads):
     def energy(t):
         velocities = rate(lambda at: along_links(nodes(at), GAUSS_POINTS), t)
         angles = moment.joint_angles + moment.joint_rates * t + joint_accelerations * t**2 / 2.0
-        return 0.5 * point_mass(parameters) * np.sum(velocities**2) + ds * np.sum(elastic_energy(parameters, angles))
+        elastic = ds * np.sum(elastic_energy(parameters, angles)) + twist_energy(parameters, angles)
+        return 0.5 * point_mass(parameters) * np.sum(velocities**2) + elastic
 
     velocities = rate(lambda at: along_links(nodes(at), [0.5])[:, :, 0])
     power_of_drag = np.sum(drag_on_links(parameters, nodes(0.0), velocities) * velocities)
@@ -360,20 +379,23 @@ def test_buoyancy_rights_the_body():
         np.testing.assert_allclose(acceleration, expected, atol=1e-13)  # rounding
 
 
-def test_the_bodys_momentum_in_the_world_changes_by_the_load_alone():
-    """The rate of R (m V, J Omega) in the world is the load alone, whatever the twist."""
-    parameters = with_values(
-        Parameters(), water={'density': 0.0}, body={'gravity': 0.0, 'angular_damping': (0.0, 0.0, 0.0)})
+@pytest.mark.parametrize('added_mass', [(0.0,) * 6, (5.0, 20.0, 80.0, 1.0, 2.0, 0.5)], ids=['in vacuum', 'in water'])
+def test_the_momentum_of_body_and_water_in_the_world_changes_by_the_load_alone(added_mass):
+    """The rate of (M_RB + M_A) nu in the world is the load alone, whatever the twist; about a fixed point."""
+    parameters = with_values(Parameters(), water={'density': 0.0}, body={
+        'gravity': 0.0, 'angular_damping': (0.0, 0.0, 0.0), 'added_mass': added_mass})
     moment = Moment.any(parameters)
     load = np.array([1.0, -2.0, 3.0, 0.5, 0.4, -0.3])
     eta = moment.body_twist
     eta_dot = body_acceleration(parameters, np.array([0.0, 0.0, 0.0, 1.0]), eta, load)
-    inertia = np.hstack([np.full(3, parameters.body.mass), parameters.body.inertia])
+    inertia = np.hstack([np.full(3, parameters.body.mass), parameters.body.inertia]) + added_mass
 
     def momentum(t):
+        position = eta[:3] * t + (eta_dot[:3] + np.cross(eta[3:], eta[:3])) * t**2 / 2.0
         rotation = Rotation.from_rotvec(eta[3:] * t + eta_dot[3:] * t**2 / 2.0).as_matrix()
         in_body = inertia * (eta + eta_dot * t)
-        return np.hstack([rotation @ in_body[:3], rotation @ in_body[3:]])
+        linear = rotation @ in_body[:3]
+        return np.hstack([linear, rotation @ in_body[3:] + np.cross(position, linear)])
 
     # measured: 4e-12 of the largest load
     assert_close(rate(momentum), load, 1e-10)
