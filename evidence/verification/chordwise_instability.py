@@ -169,7 +169,8 @@ rest. In the straight gait at 0.6 Hz, fins of 30 chains stay smooth, and fins of
 turn of set 2, at 0.8 Hz, the fin that meets the faster flow becomes unstable earlier: after {rounded(SWIM_TIME)} s the
 second difference is {turns}. A result with a sawtooth is not a property of the robot. According to the formula, fewer
 chains, a stiffer fin or a lower speed avoid the instability. The paper's model has no stiffness along the chord;
-`fin.shear_modulus` adds one, which removes the instability, see "Fresh water". This section does not cover the turns after {rounded(SWIM_TIME)} s.
+`fin.shear_modulus` adds one, which removes the instability, see "Fresh water". This section does not cover the turns
+after {rounded(SWIM_TIME)} s.
 """, claims, draw, 'Left: growth rate of the fastest chordwise mode of a flat fin in a stream. '
         'Right: roughness of the fins of the free robot.')
 

@@ -120,11 +120,11 @@ def trajectory(quick: bool = False) -> Section:
         axes.set_ylabel('deviation from DOP853, relative')
 
     return Section('A trajectory by another integrator', f"""
-A small robot with {base.fin.chains} chains of {base.fin.links} links, in a current, with added mass, twist and
-the body in water, starts in the middle of a turn. Its position, orientation, twist, acceleration, joints and wrenches after {duration} s are compared
-with those of the reference equations, which SciPy's DOP853 integrates with a tolerance of 1e-12. Their linear system
-for the body's acceleration is found by evaluating the fins with unit accelerations. So the integrator, the equations of
-the fins and the solution of body and fins together are all independent of the simulator.
+A small robot with {base.fin.chains} chains of {base.fin.links} links, in a current, with added mass, twist and the body
+in water, starts in the middle of a turn. Its position, orientation, twist, acceleration, joints and wrenches after
+{duration} s are compared with those of the reference equations, which SciPy's DOP853 integrates with a tolerance of
+1e-12. Their linear system for the body's acceleration is found by evaluating the fins with unit accelerations. So the
+integrator, the equations of the fins and the solution of body and fins together are all independent of the simulator.
 """, claims, draw, 'Largest deviation of any part of the state, over the largest entry of that part.')
 
 

@@ -218,9 +218,9 @@ def twisted(quick: bool = False) -> Section:
 
     return Section('The largest stable step of fins that resist twist', f"""
 With `fin.shear_modulus`, the shortest wave along the chord decides the step. Its stiffness grows with the square of the
-number of chains, so that the largest stable step falls in proportion to it. The estimate is compared with bisection on
-simulations of the straight gait of {SHORT:g} s, for {len(chains)} numbers of chains, {len(shares)} shear moduli from 0
-to E / 2.6, and both couplings.
+number of chains, so that the largest stable step is in inverse proportion to this number. The estimate is compared with
+bisection on simulations of the straight gait of {SHORT:g} s, for {len(chains)} numbers of chains, {len(shares)} shear
+moduli from 0 to E / 2.6, and both couplings.
 """, claims, draw, 'Steps at which simulations with the staggered coupling diverge, against the number of chains.')
 
 
