@@ -10,7 +10,7 @@ from scipy.optimize import brentq
 from evidence.references import equations
 from evidence.scenarios import BARE, COMMANDS, SWIM, TURN, WATER_OF_BODY, any_state, assert_close, sized
 from evidence.verification import mechanics
-from manta_sim_ros.dynamics import FinCommand, Parameters, Simulator, State
+from manta_sim_ros.dynamics import FinCommand, Parameters, Simulator, State, largest_stable_step
 
 COUPLINGS = pytest.mark.parametrize('coupling', ['sequential', 'monolithic'])
 AT_ONCE = {'command_time_constant': 0.0}
@@ -42,6 +42,17 @@ def test_added_mass_far_above_the_mass_of_the_body_stays_stable(times, coupling)
     for _ in range(10):
         state = simulator.advance(1.0)
         assert np.abs(state.twist).max() < 2.0
+
+
+def test_added_mass_of_the_body_makes_the_staggered_coupling_stable_with_heavy_fins():
+    heavy = sized(4, 2, fin={'density': 10_000.0}, body={'mass': 2.0, 'inertia': (0.13, 0.19, 0.27)})
+    in_water = heavy.replace(body={
+        'added_mass': (60.0, 60.0, 60.0, 10.0, 10.0, 10.0), 'linear_damping': (0.0, 0.0, 0.0, 5.0, 5.0, 5.0)})
+    assert largest_stable_step(heavy, SWIM, SWIM) == 0.0
+    assert largest_stable_step(in_water, SWIM, SWIM) > in_water.solver.time_step
+    simulator = Simulator(in_water)
+    simulator.command(left=SWIM, right=SWIM)
+    assert np.abs(simulator.advance(4.0).twist).max() < 2.0
 
 
 @COUPLINGS

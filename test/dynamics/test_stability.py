@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from evidence.references import equations
-from evidence.scenarios import SWIM, largest_rate, sized
+from evidence.scenarios import SWIM, WATER_OF_BODY, largest_rate, sized
 from manta_sim_ros.dynamics import (
     FinCommand,
     ModelWarning,
@@ -48,6 +48,9 @@ CASES = {
     'monolithic': (SWIM, SWIM, {'solver': MONOLITHIC}),
     'light body, added mass': (SWIM, SWIM, {
         'water': {'added_mass_coefficient': 1.0, 'density': 1000.0}, 'body': LIGHT, 'solver': MONOLITHIC}),
+    'twist': (SWIM, SWIM, {'fin': {'shear_modulus': 3.8e7}}),
+    'twist and body in water': (SWIM, SWIM, {
+        'fin': {'shear_modulus': 4e6, 'twist_damping': 0.01}, 'body': WATER_OF_BODY, 'solver': MONOLITHIC}),
 }
 
 
@@ -73,6 +76,17 @@ def test_an_undamped_link_has_the_limit_of_runge_and_kutta_on_the_imaginary_axis
     parameters, inertia, stiffness = one_link(joint_damping=0.0)
     expected = SAFETY * math.sqrt(8.0) / math.sqrt(stiffness / inertia)
     assert largest_stable_step(parameters, REST, REST) == pytest.approx(expected, rel=1e-3)  # measured: 2e-4
+
+
+@pytest.mark.parametrize('chains', [2, 4, 9])
+def test_the_shortest_wave_along_the_chord_decides_the_step_of_a_fin_with_twist(chains):
+    parameters, inertia, stiffness = one_link(joint_damping=0.0)
+    parameters = parameters.replace(fin={'chains': chains, 'shear_modulus': 1e8})
+    fin, ds = parameters.fin, parameters.rods.support_length / chains
+    twist = fin.shear_modulus * fin.thickness**3 / 3.0 * fin.span / ds**2
+    stiffest = stiffness + (2.0 + 2.0 * math.cos(math.pi / chains)) * twist
+    expected = SAFETY * math.sqrt(8.0) / math.sqrt(stiffest / inertia)
+    assert largest_stable_step(parameters, REST, REST) == pytest.approx(expected, rel=1e-3)  # as above
 
 
 def test_a_damped_link_without_stiffness_has_the_limit_on_the_real_axis():
