@@ -50,13 +50,8 @@ def total_energy(parameters, history):
     height = history.position[:, 2] - parameters.water.surface_height
     weight = body.mass * body.gravity
     depth, share = below(height + rotations[:, 2] @ np.array(body.buoyancy_center), known.body.height)
-    total = sum(of_robot.values()) - of_robot['buoyancy'] + weight * height - weight * depth
-    if 'added mass of the body' not in of_robot:
-        total += 0.5 * share * np.sum(np.array(body.added_mass) * history.twist**2, axis=1)
-    if 'twist' not in of_robot:
-        angles = np.cumsum(history.joint_angles, axis=-1)
-        stiffness = fin.shear_modulus * fin.thickness**3 / 3.0 * known.fin.link_length / known.fin.chain_spacing
-        total += 0.5 * stiffness * np.sum(np.diff(angles, axis=2) ** 2, axis=(1, 2, 3))
+    total = of_robot['kinetic'] + of_robot['elastic'] + weight * (height - depth)
+    total -= 0.5 * (1.0 - share) * np.sum(np.array(body.added_mass) * history.twist**2, axis=1)
     for side in range(2):
         middles, ends = (fin_motion(parameters, history, side, points) for points in (MIDPOINT, ENDS))
         above = height[:, None] + np.einsum('tb,ntmb->ntm', rotations[:, 2], middles.positions[..., 0, :])
