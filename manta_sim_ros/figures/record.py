@@ -5,12 +5,13 @@ from __future__ import annotations
 import dataclasses
 import itertools
 import math
+import warnings
 from collections.abc import Iterable, Iterator
 from typing import Any
 
 import numpy as np
 
-from manta_sim_ros.dynamics import FinCommand, FloatArray, Parameters, Simulator, State
+from manta_sim_ros.dynamics import FinCommand, FloatArray, ModelWarning, Parameters, Simulator, State
 
 SAMPLES = 100
 """Samples per flapping period."""
@@ -87,7 +88,9 @@ def flap(parameters: Parameters, left: FinCommand, right: FinCommand, samples: i
     simulator = Simulator(parameters)
     simulator.command(left=left, right=right)
     while True:
-        states = [simulator.advance(steps * time_step) for _ in range(samples)]
+        with warnings.catch_warnings():
+            warnings.simplefilter('ignore', ModelWarning)  # figures show the chordwise instability
+            states = [simulator.advance(steps * time_step) for _ in range(samples)]
         yield Record(parameters, period, samples, **{name: stacked(states, name) for name in ARRAYS})
 
 
