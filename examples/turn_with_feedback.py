@@ -3,6 +3,9 @@
 
     ros2 run manta_sim_ros sim_node
     python3 examples/turn_with_feedback.py --ros-args -p use_sim_time:=true -p heading:=1.0
+
+It works with the same gains in fresh water, `sim_node --ros-args --params-file config/freshwater.yaml`: from rest it
+turns by 1 rad, within 0.1 rad, in 4 s instead of 5 s. With half of RATE_GAIN it would overshoot by 0.3 rad there.
 """
 
 import math

@@ -8,7 +8,7 @@ import os
 from pathlib import Path
 
 from evidence.benchmark import page
-from evidence.benchmark.baselines import SIZES, calls, compare, memory, scaling
+from evidence.benchmark.baselines import SIZES, calls, compare, memory, paces, scaling, twist
 from evidence.benchmark.node_timing import node_figures
 from manta_sim_ros.dynamics import Parameters
 
@@ -30,6 +30,8 @@ def main() -> None:
         'size': f'{parameters.fin.chains} chains of {parameters.fin.links} links, time step '
                 f'{parameters.solver.time_step} s',
         'compared': compare(parameters, options.quick),
+        'twist': twist(parameters, options.quick),
+        'paces': paces(options.quick),
         'calls': calls(parameters, options.quick),
         'memory': memory(parameters, seconds=10.0 if options.quick else 600.0),
         'cost': {quantity: scaling(parameters, quantity, sizes[:3] if options.quick else sizes, options.quick)

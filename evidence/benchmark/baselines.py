@@ -27,6 +27,9 @@ GAIT = FinCommand(amplitude=math.radians(40.0), frequency=0.6, phase=math.radian
 EVALUATIONS = 5  # of both fins in a step: four of Runge-Kutta and the wrench at its end
 PAPER_TIME, PAPER_SPAN = 0.18, 0.01  # s, s: Section 4, computing time for this much simulated time
 SIZES = {'chains': (8, 16, 30, 60, 120, 240), 'links': (1, 2, 3, 4, 6, 8, 12, 16, 24)}  # the other at its default
+TWISTED = {8: 3.8e6, 12: 3.8e6, 30: 4e5}  # Pa, shear modulus for each number of chains: stable with the default step
+CONFIG = Path(__file__).parents[2] / 'config'
+CONFIGURATIONS = ('manta', 'freshwater')  # files in config/
 SHORT_STEP = 1e-6  # s, stable for the shortest links; a step costs the same whatever its length
 
 Timings = dict[str, FloatArray]  # of each program, seconds per call in each round
@@ -150,6 +153,34 @@ def compare(parameters: Parameters, quick: bool) -> dict[str, float]:
         'paper / ours': PAPER_TIME / (ours * PAPER_SPAN / parameters.solver.time_step),
     }
     return {name: float(np.median(values)) for name, values in figures.items()}
+
+
+def twist(parameters: Parameters, quick: bool) -> dict[int, dict[str, float]]:
+    """Return, for each number of chains, seconds per step without and with stiffness against twist, and their ratio."""
+    programs = []
+    for chains, shear_modulus in TWISTED.items():
+        plain = parameters.replace(fin={'chains': chains})
+        twisted = plain.replace(fin={'shear_modulus': shear_modulus})
+        programs += [stepper(f'{chains} {name}', swimming(each, lead_in=2.0), each, 100 if quick else 800)
+                     for name, each in (('without', plain), ('with', twisted))]
+    timings = interleaved(programs, rounds=3 if quick else 25)
+    return {chains: {
+        'without [s]': float(np.median(timings[f'{chains} without'])),
+        'with [s]': float(np.median(timings[f'{chains} with'])),
+        'with / without': float(np.median(timings[f'{chains} with'] / timings[f'{chains} without'])),
+    } for chains in TWISTED}
+
+
+def paces(quick: bool) -> dict[str, dict[str, float]]:
+    """Return, for each configuration, chains, time step [s], seconds per step, and simulated over computing time."""
+    files = {name: Parameters.from_yaml(CONFIG / f'{name}.yaml') for name in CONFIGURATIONS}
+    timings = interleaved([
+        stepper(name, swimming(each, lead_in=2.0), each, 100 if quick else 800) for name, each in files.items()
+    ], rounds=3 if quick else 15)
+    return {name: {
+        'chains': each.fin.chains, 'time step [s]': each.solver.time_step, 'step [s]': float(np.median(timings[name])),
+        'times real time': float(np.median(each.solver.time_step / timings[name])),
+    } for name, each in files.items()}
 
 
 def scaling(parameters: Parameters, quantity: str, sizes: tuple[int, ...], quick: bool) -> dict[str, object]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from evidence.benchmark.baselines import EVALUATIONS, PAPER_SPAN, PAPER_TIME
+from evidence.benchmark.baselines import EVALUATIONS, PAPER_SPAN, PAPER_TIME, TWISTED
 from evidence.report import prose, table
 from manta_sim_ros.dynamics import Parameters
 
@@ -32,6 +32,7 @@ RATIOS = {  # least wanted ratio
     'paper / ours': '',
 }
 COSTS = {'monolithic step / our step': '2', 'with added mass / our step': '2'}  # greatest wanted ratio
+TWIST_COST = '1.2'  # greatest wanted ratio
 
 
 def text(figures: dict[str, Any]) -> str:
@@ -54,6 +55,18 @@ freedom; `aba` computes neither drag nor springs."""),
             (name, f'{compared[name]:.1f}', least) for name, least in RATIOS.items())),
         table(('cost relative to our step', 'ratio', 'wanted, at most'), (
             (name, f'{compared[name]:.2f}', most) for name, most in COSTS.items())),
+        '## Stiffness against twist',
+        prose('A step with `fin.shear_modulus` above 0, relative to the same step without it.'),
+        table(('chains', 'shear modulus [MPa]', 'time without [us]', 'time with [us]', 'ratio', 'wanted, at most'), (
+            (str(chains), f'{1e-6 * TWISTED[chains]:g}', f'{1e6 * cost["without [s]"]:.1f}',
+             f'{1e6 * cost["with [s]"]:.1f}', f'{cost["with / without"]:.2f}', TWIST_COST)
+            for chains, cost in figures['twist'].items())),
+        '## Pace of the configurations',
+        prose('Straight swimming in the library: simulated time divided by computing time.'),
+        table(('configuration', 'chains', 'time step [ms]', 'time of a step [us]', 'times real time'), (
+            (f'`config/{name}.yaml`', str(pace['chains']), f'{1e3 * pace["time step [s]"]:g}',
+             f'{1e6 * pace["step [s]"]:.1f}', f'{pace["times real time"]:.0f}')
+            for name, pace in figures['paces'].items())),
         '## Size of the fins',
         *(block for quantity, cost in figures['cost'].items() for block in (
             prose(f'The time of a step grows with the number of {quantity} to the power of {cost["exponent"]:.2f}; '

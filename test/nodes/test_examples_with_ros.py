@@ -7,12 +7,14 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
 from nav_msgs.msg import Odometry
 
 from evidence.harness.processes import LIMIT
 from manta_sim_ros.dynamics import FinCommand, Simulator
 
 EXAMPLES = Path(__file__).parents[2] / 'examples'
+CONFIG = EXAMPLES.parent / 'config'
 FREQUENCY, PHASE = 0.6, math.radians(40.0)
 DESIRED = -0.8  # rad
 HELD = 500  # outputs: 5 s of simulated time; the body oscillates with the fins
@@ -38,8 +40,9 @@ def test_lockstep_without_a_simulator_says_so():
         'RuntimeError: no service manta_sim/reset within 10 s: is the simulator running?')
 
 
-def test_turn_with_feedback_turns_to_the_heading_and_holds_it(launch, probe):
-    launch('sim_node', '-p real_time_factor:=8.0')
+@pytest.mark.parametrize('configuration', ['manta', 'freshwater'])
+def test_turn_with_feedback_turns_to_the_heading_and_holds_it(launch, probe, configuration):
+    launch('sim_node', f'--params-file {CONFIG / configuration}.yaml -p real_time_factor:=8.0')
     odometry = probe.record(Odometry, 'odom')
 
     def is_held(message):
