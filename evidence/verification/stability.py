@@ -179,6 +179,7 @@ SHEAR_MODULUS = 1e8 / 2.6  # [Pa], of the default fin, isotropic with Poisson's 
 SHARES = 0.0, 0.1, 1.0  # of it
 TWISTED_CHAINS = 8, 12, 30, 60
 TWIST_BAND = 1.0, 1.15
+STEP_TICKS = 0.2, 0.5, 1.0, 2.0, 5.0  # [ms]
 SHORT = 1.0  # [s]; a step that is too small for the twist diverges at once
 
 
@@ -213,6 +214,7 @@ def twisted(quick: bool = False) -> Section:
             axes.loglog(chains, 1e3 * values, '--', linewidth=0.9, color=drawn.get_color())
         axes.loglog([], [], 'k--', linewidth=0.9, label='estimate')
         mark(axes, chains)
+        axes.set_yticks(STEP_TICKS, [f'{step:g}' for step in STEP_TICKS])
         axes.set(xlabel='chains n', ylabel='step that diverges [ms]')
         axes.legend()
 
