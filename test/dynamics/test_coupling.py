@@ -142,7 +142,7 @@ def test_a_robot_that_drifts_with_the_current_feels_nothing_of_it():
 def test_a_robot_at_rest_in_a_current_begins_to_drift_with_it(axis):
     current = np.zeros(3)
     current[axis] = 0.5
-    simulator = Simulator(sized(6, 2, water={'current': current}))
+    simulator = Simulator(sized(6, 2, water={'current': current, 'surface_height': 100.0}))  # far above its drift
     drift = []
     for _ in range(20):
         simulator.advance(1.0)
