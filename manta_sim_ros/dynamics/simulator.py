@@ -284,7 +284,7 @@ def fin_dynamics(
     rod_motion
         (2, 3) rows front, rear; columns angle [rad], rate [rad/s], acceleration [rad/s^2].
     joint_angles, joint_rates
-        (n, m) [rad], [rad/s]. Angles beyond +-pi are taken back by full turns.
+        (n, m) [rad], [rad/s]. Angles beyond +-pi are taken back by full turns, and refused of a fin that resists twist.
     body_twist, body_acceleration
         (6,) linear part first, and the derivative of its components; in F_b, not mirrored.
 
@@ -297,8 +297,8 @@ def fin_dynamics(
     Raises
     ------
     ValueError
-        `side` is not 0 or 1, an array has a wrong shape or is not finite, the support does not close, or the motion is
-        so fast that the result is not finite.
+        `side` is not 0 or 1, an array has a wrong shape or is not finite, a joint of a fin that resists twist is beyond
+        +-pi, the support does not close, or the motion is so fast that the result is not finite.
 
     """
     if isinstance(side, bool) or not isinstance(side, numbers.Integral) or side not in (0, 1):
@@ -306,6 +306,11 @@ def fin_dynamics(
     rods, joints = parameters.rods, (parameters.fin.chains, parameters.fin.links)
     rod_motion = finite_array('rod_motion', rod_motion, (2, 3))
     angles = finite_array('joint_angles', joint_angles, joints)
+    largest = float(np.abs(angles).max())
+    if parameters.fin.shear_modulus > 0.0 and not largest <= math.pi:
+        raise ValueError(
+            f'joint_angles reach {largest:g} rad, but must be within +-pi with fin.shear_modulus above 0: a full turn '
+            'is no period of the twist')
     wrapped = angles - 2 * math.pi * np.round(angles / (2 * math.pi))  # the period of stiffness and geometry
     rates = finite_array('joint_rates', joint_rates, joints)
     twist = finite_array('body_twist', body_twist, (6,))

@@ -37,8 +37,14 @@ def run_node(
         interrupted = True
         raise KeyboardInterrupt  # rclpy may turn it into another exception
 
+    def report(unraisable: sys.UnraisableHookArgs) -> None:
+        # a signal in a destructor: its exception ends nothing, but rclpy has shut the context down
+        if not (interrupted and issubclass(unraisable.exc_type, KeyboardInterrupt)):
+            sys.__unraisablehook__(unraisable)
+
     for ending in (signal.SIGINT, signal.SIGTERM):  # rclpy's own handlers shut its context down and call these
         signal.signal(ending, interrupt)
+    sys.unraisablehook = report
     try:
         _or_exit(lambda: rclpy.init(args=args))
         node = _or_exit(make)

@@ -15,11 +15,12 @@ ANNOUNCEMENT = 'compiling the dynamics for this machine'
 
 EVALUATE = """
 import numpy as np
-from manta_sim_ros.dynamics import Parameters, Simulator, fin_dynamics, simulator
+from manta_sim_ros.dynamics import FinCommand, Parameters, Simulator, fin_dynamics, simulator
 
 moment = np.full((30, 3), 0.1)
 accelerations, wrench = fin_dynamics(Parameters(), 0, np.ones((2, 3)), moment, moment, np.ones(6), np.ones(6))
-Simulator().advance(0.0)
+gait = FinCommand(amplitude=0.3, frequency=0.5, phase=0.1)
+Simulator().command(left=gait, right=gait)  # another kernel, which is compiled fast
 print(simulator.__file__)
 print((accelerations.tobytes() + wrench.tobytes()).hex())
 """

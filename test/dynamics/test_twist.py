@@ -129,3 +129,15 @@ def test_the_thrust_hardly_depends_on_the_number_of_chains(chains, shear_modulus
     simulator.advance(2 * period * step)
     thrust = np.mean([simulator.advance(10 * step).wrench[0] for _ in range(period // 10)])
     assert thrust == pytest.approx(expected, abs=6e-4)  # half a unit of the last digit, and the sampling
+
+
+@pytest.mark.parametrize('angle', [3.2, -7.0])
+def test_an_angle_beyond_pi_is_refused_because_a_full_turn_is_no_period_of_the_twist(angle):
+    parameters = sized(4, 2, fin={'shear_modulus': 1e6})
+    angles, rates = np.zeros((4, 2)), np.zeros((4, 2))
+    angles[2, 1] = angle
+    arguments = (0, np.zeros((2, 3)), angles, rates, np.zeros(6), np.zeros(6))
+    reason = rf'^joint_angles reach {abs(angle):g} rad, but must be within .*fin\.shear_modulus'
+    with pytest.raises(ValueError, match=reason):
+        fin_dynamics(parameters, *arguments)
+    fin_dynamics(parameters.replace(fin={'shear_modulus': 0.0}), *arguments)

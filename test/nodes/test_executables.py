@@ -32,3 +32,35 @@ def test_a_signal_in_the_middle_of_an_import_ends_it_with_its_status_and_no_trac
     assert process.returncode == status
     assert process.stdout == 'importing\n'
     assert process.stderr == ''
+
+
+INTERRUPTED_DESTRUCTOR = """
+import os, signal, time
+import rclpy
+from rclpy.node import Node
+from manta_sim_ros.nodes.process import run_node
+
+class Interrupter:
+    def __del__(self):
+        os.kill(os.getpid(), signal.{ending})
+        time.sleep(0.1)
+        print('destroyed')
+
+class Interrupted(Node):
+    def __init__(self):
+        super().__init__('interrupted')
+        self.create_timer(0.01, Interrupter)
+
+run_node(Interrupted, lambda node: None, rclpy.spin, [])
+print('ended')
+"""
+
+
+@pytest.mark.parametrize('ending', ['SIGINT', 'SIGTERM'])
+def test_a_signal_in_the_middle_of_a_destructor_ends_it_quietly(ending):
+    """Python reports an exception of a destructor, as the garbage collector of rclpy calls many, and goes on."""
+    code = INTERRUPTED_DESTRUCTOR.format(ending=ending)
+    process = subprocess.run([sys.executable, '-c', code], capture_output=True, text=True, timeout=120)
+    assert process.returncode == 0
+    assert process.stdout == 'ended\n'  # the destructor was interrupted
+    assert process.stderr == ''
