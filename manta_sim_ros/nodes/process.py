@@ -67,4 +67,5 @@ def _or_exit(begin: Callable[[], Started]) -> Started:
     try:
         return begin()
     except (ValueError, RuntimeError, ParameterException) as error:  # errors of rcl are RuntimeErrors
-        sys.exit(f'{sys.argv[0].rpartition("/")[2]}: {" ".join(str(error).split())}')
+        cure = '; set ROS_LOG_DIR to a folder that can be written to' if 'initialize logging' in str(error) else ''
+        sys.exit(f'{sys.argv[0].rpartition("/")[2]}: {" ".join(str(error).split())}{cure}')

@@ -1,5 +1,6 @@
 """The executables end quietly from their first moment on, before any node is there."""
 
+import os
 import subprocess
 import sys
 
@@ -64,3 +65,17 @@ def test_a_signal_in_the_middle_of_a_destructor_ends_it_quietly(ending):
     assert process.returncode == 0
     assert process.stdout == 'ended\n'  # the destructor was interrupted
     assert process.stderr == ''
+
+
+@pytest.mark.parametrize('variables', [{'HOME': '/proc/none'}, {'HOME': None}, {'ROS_LOG_DIR': '/proc/none'}])
+@pytest.mark.parametrize('executable', ['sim_node', 'gait_node', 'monitor_node'])
+def test_without_a_folder_for_logs_one_line_names_the_variable_that_cures_it(executable, variables):
+    environment = {name: value for name, value in {**os.environ, **variables}.items() if value is not None}
+    if 'HOME' in variables:
+        environment = {name: value for name, value in environment.items() if name not in ('ROS_LOG_DIR', 'ROS_HOME')}
+    code = f'import sys; from manta_sim_ros import executables; sys.argv = [{executable!r}]; executables.{executable}()'
+    process = subprocess.run(
+        [sys.executable, '-c', code], capture_output=True, text=True, timeout=120, env=environment)
+    assert process.returncode == 1 and not process.stdout
+    (line,) = process.stderr.splitlines()
+    assert line.startswith(f'{executable}: ') and line.endswith('; set ROS_LOG_DIR to a folder that can be written to')

@@ -5,13 +5,14 @@ from __future__ import annotations
 import contextlib
 import hashlib
 import logging
+import pickle
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 import numba
 from numba.core import event
-from numba.core.caching import FunctionCache
+from numba.core.caching import FunctionCache, IndexDataCacheFile
 from numba.core.compiler import CompilerBase, DefaultPassBuilder
 
 logger = logging.getLogger('manta_sim_ros')
@@ -50,13 +51,14 @@ def rare_kernel(function: Callable[..., Any]) -> Any:
 def entry_kernel(function: Callable[..., Any]) -> Any:
     """Compile a function that Python calls, as `kernel` does, and keep it on disk from one start to the next.
 
-    It must not return a named tuple: making one runs Python code, where a signal raises an exception that Numba misses.
+    Other threads run while it computes. It must not return a named tuple: making one runs Python code, where a signal
+    raises an exception that Numba misses.
     """
-    compiled = numba.njit(**_OPTIONS)(function)
+    compiled = numba.njit(**_OPTIONS, nogil=True)(function)
     try:
         compiled._cache = _KernelCache(function)
-    except RuntimeError as error:  # no place that can be written to
-        logger.warning('compiled kernels cannot be kept (%s): each start compiles them again', error)
+    except Exception as error:  # no place that can be written to, no home; a cache only saves time
+        _Keeping.failed('any folder', error)
     return compiled
 
 
@@ -65,11 +67,88 @@ SOURCE_DIGEST = hashlib.sha256(
 """Of all source files of this folder."""
 
 
+class _Keeping:
+    """Whether compiled kernels are kept on disk in this process; trouble is warned of once."""
+
+    folder = ''
+    """Where kernels were kept, empty if none was or one could not be."""
+    lost = warned = announced = False
+
+    @classmethod
+    def kept(cls, folder: str) -> None:
+        """Remember that a kernel is on disk."""
+        cls.folder = '' if cls.lost else folder
+
+    @classmethod
+    def failed(cls, folder: str, error: Exception) -> None:
+        """Warn, once, that kernels cannot be kept."""
+        cls.folder, cls.lost = '', True
+        cls._warn(
+            'compiled kernels cannot be kept in %s (%s): each start compiles them again; set NUMBA_CACHE_DIR to a '
+            'folder that can be written to', folder, error)
+
+    @classmethod
+    def replaced(cls, folder: str, error: Exception) -> None:
+        """Warn, once, that a kernel on disk could not be read."""
+        cls._warn(
+            'a compiled kernel in %s could not be read (%s): it was compiled again and replaced; if this comes back, '
+            'remove the files there, or set NUMBA_CACHE_DIR to another folder', folder, error)
+
+    @classmethod
+    def _warn(cls, message: str, folder: str, error: Exception) -> None:
+        if not cls.warned:
+            cls.warned = True
+            logger.warning(message, folder, ' '.join(str(error).split()) or type(error).__name__)
+
+
+class _CheckedFiles(IndexDataCacheFile):
+    """Files of a kernel with a checksum: machine code that was changed or cut short must never run."""
+
+    def _save_data(self, name: str, data: Any) -> None:
+        content = self._dump(data)
+        with self._open_for_write(self._data_path(name)) as file:
+            file.write(hashlib.sha256(content).digest() + content)
+
+    def _load_data(self, name: str) -> Any:
+        content = Path(self._data_path(name)).read_bytes()
+        checksum, data = content[:32], content[32:]
+        if hashlib.sha256(data).digest() != checksum:
+            raise ValueError(f'{name} was changed or cut short')
+        return pickle.loads(data)
+
+
 class _KernelCache(FunctionCache):
     """Keeps a compiled kernel on disk, under a key that changes with any source file of this folder.
 
-    Numba itself looks at the file of the kernel alone, but the kernels that it calls are in other files.
+    Numba itself looks at the file of the kernel alone, but the kernels that it calls are in other files. Reading and
+    writing never end anything: what cannot be read is compiled again, and what cannot be written stays in memory.
     """
+
+    def __init__(self, function: Callable[..., Any]) -> None:
+        super().__init__(function)
+        self._cache_file = _CheckedFiles(
+            self._cache_path, self._impl.filename_base, self._impl.locator.get_source_stamp())
+        self._unreadable: Exception | None = None
+
+    def load_overload(self, sig: Any, target_context: Any) -> Any:
+        try:
+            return super().load_overload(sig, target_context)
+        except Exception as error:  # of files that are damaged, of another user, or no files
+            self._unreadable = error
+            return None
+
+    def save_overload(self, sig: Any, data: Any) -> None:
+        try:
+            if self._unreadable is not None:
+                self.flush()  # an index that cannot be read cannot be added to
+            super().save_overload(sig, data)
+        except Exception as error:
+            _Keeping.failed(self._cache_path, error)
+            return
+        _Keeping.kept(self._cache_path)
+        if self._unreadable is not None:
+            _Keeping.replaced(self._cache_path, self._unreadable)
+            self._unreadable = None
 
     def _index_key(self, sig: Any, codegen: Any) -> tuple[Any, ...]:
         return (*super()._index_key(sig, codegen), SOURCE_DIGEST)
@@ -86,9 +165,7 @@ class _Announcer(event.Listener):
     def on_start(self, event: Any) -> None:
         if not _Announcer.announced:
             _Announcer.announced = True
-            self._announce(
-                'compiling the dynamics for this machine: once, about half a minute; later starts take it from disk'
-            )
+            self._announce('compiling the dynamics for this machine, which takes about half a minute')
 
     def on_end(self, event: Any) -> None:
         pass
@@ -96,6 +173,12 @@ class _Announcer(event.Listener):
 
 @contextlib.contextmanager
 def announced_compilation(announce: Callable[[str], object] = logger.warning) -> Iterator[None]:
-    """Call `announce` with one line if anything is compiled inside the block; nothing is said when it is on disk."""
+    """Call `announce` if anything is compiled inside the block, and after it if that is kept; each once in a process.
+
+    Nothing is said when it is on disk.
+    """
     with event.install_listener('numba:compile', _Announcer(announce)):
         yield
+    if _Keeping.folder and not _Keeping.announced:
+        _Keeping.announced = True
+        announce(f'the compiled dynamics are kept in {_Keeping.folder}: later starts take them from there')
