@@ -11,10 +11,22 @@ from typing import Any, ClassVar
 
 import yaml
 
-from manta_sim_ros.dynamics.quantity import LARGEST_SEED, ParameterGroup, Quantity, SixVector, Vector, quantity
+from manta_sim_ros.dynamics.quantity import (
+    LARGEST_SEED,
+    LONGEST_ECHO,
+    ParameterGroup,
+    Quantity,
+    SixVector,
+    Vector,
+    quantity,
+    shown,
+)
 
 SEQUENTIAL, MONOLITHIC = 'sequential', 'monolithic'
 """The values of `solver.coupling`."""
+
+LARGEST_FILE = 1_000_000
+"""Largest size of a parameter file [characters]: far more than one with a comment on every parameter has."""
 
 NO_WATER: SixVector = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 """Added mass or damping of a body on which the water has no effect."""
@@ -257,7 +269,7 @@ class Parameters:
         """Check that each group is of its class, and what concerns several groups."""
         for name, kind in self.groups().items():
             if not isinstance(getattr(self, name), kind):
-                raise ValueError(f'{name} is {getattr(self, name)!r}, but must be a {kind.__name__}')
+                raise ValueError(f'{name} is {shown(getattr(self, name))}, but must be a {kind.__name__}')
         if self.water.added_mass_coefficient > 0.0 and self.solver.coupling != MONOLITHIC:
             raise ValueError(
                 f'water.added_mass_coefficient is {self.water.added_mass_coefficient:g}, but must be 0 with '
@@ -290,13 +302,14 @@ class Parameters:
         known, replaced = self.groups(), {}
         for name, values in groups.items():
             if name not in known:
-                raise ValueError(f'{name} is no group of parameters; the groups are {", ".join(known)}')
+                raise ValueError(f'{name[:LONGEST_ECHO]} is no group of parameters; the groups are {", ".join(known)}')
             if not isinstance(values, Mapping):
-                raise ValueError(f'{name} is {values!r}, but must be a group of named values')
+                raise ValueError(f'{name} is {shown(values)}, but must be a group of named values')
             for key in values:
                 if key not in known[name].quantities():
                     raise ValueError(
-                        f'{name}.{key} is no parameter; {name} has {", ".join(known[name].quantities())}')
+                        f'{name}.{str(key)[:LONGEST_ECHO]} is no parameter; '
+                        f'{name} has {", ".join(known[name].quantities())}')
             replaced[name] = dataclasses.replace(getattr(self, name), **values)
         return dataclasses.replace(self, **replaced)
 
@@ -316,18 +329,45 @@ class Parameters:
 
         """
         try:
-            content = yaml.load(Path(path).read_text(encoding='utf-8'), Loader=_ParameterLoader)
+            with Path(path).open(encoding='utf-8') as file:
+                text = file.read(LARGEST_FILE + 1)
+            if len(text) > LARGEST_FILE:
+                raise ValueError(f'has more than {LARGEST_FILE} characters, the largest size of a parameter file')
+            content = yaml.load(text, Loader=_ParameterLoader)
             if not isinstance(content, Mapping) or not isinstance(content.get('/**'), Mapping):
                 raise ValueError("has no '/**:' with 'ros__parameters:' below it")
             listed = content['/**'].get('ros__parameters')
             if not isinstance(listed, Mapping):
                 raise ValueError("has no 'ros__parameters:' below '/**:'")
+            grouped = _grouped(listed)
             return cls().replace(**{
-                str(name): value for name, value in listed.items()
-                if name in cls.groups() or isinstance(value, Mapping) and _is_misspelled(str(name), cls.groups())
+                name: value for name, value in grouped.items()
+                if name in cls.groups() or isinstance(value, Mapping) and _is_misspelled(name, cls.groups())
             })
+        except RecursionError as error:
+            raise ValueError(f'{path}: is nested too deeply for a parameter file') from error
         except (ValueError, yaml.YAMLError) as error:
             raise ValueError(f'{path}: {error}') from error
+
+
+def check_parameters(parameters: Parameters) -> None:
+    """Raise a ValueError if these are no parameters."""
+    if not isinstance(parameters, Parameters):
+        raise ValueError(f'parameters is {shown(parameters)}, but must be Parameters')
+
+
+def _grouped(listed: Mapping[Any, Any]) -> dict[str, Any]:
+    """Return listed parameters with `fin.chains: 8` as `fin: {chains: 8}`, which ROS 2 takes for the same."""
+    grouped: dict[str, Any] = {}
+    for name, value in listed.items():
+        first, dot, rest = str(name).partition('.')
+        values = {rest: value} if dot else value
+        if isinstance(values, Mapping) and isinstance(grouped.get(first), Mapping):
+            for twice in set(values) & set(grouped[first]):
+                raise ValueError(f'{shown(f"{first}.{twice}")} stands twice')
+            values = {**grouped[first], **values}
+        grouped[first] = values
+    return grouped
 
 
 def _is_misspelled(name: str, groups: Mapping[str, object]) -> bool:
@@ -335,7 +375,26 @@ def _is_misspelled(name: str, groups: Mapping[str, object]) -> bool:
 
 
 class _ParameterLoader(yaml.SafeLoader):
-    """Reads numbers as ROS 2 does: 1e8 is one (YAML 1.1, PyYAML's, wants 1.0e+8)."""
+    """Reads numbers as ROS 2 does: 1e8 is one (YAML 1.1, PyYAML's, wants 1.0e+8).
+
+    Aliases are refused as ROS 2 refuses them, since few of them make an endless file, and so are repeated keys.
+    """
+
+    def compose_node(self, parent: Any, index: Any) -> Any:
+        if self.check_event(yaml.AliasEvent):
+            event: Any = self.get_event()  # type: ignore[no-untyped-call]
+            raise yaml.composer.ComposerError(None, None, 'aliases are not allowed', event.start_mark)
+        return super().compose_node(parent, index)
+
+    def construct_mapping(self, node: Any, deep: bool = False) -> Any:
+        seen = set()
+        for key, _ in node.value if isinstance(node, yaml.MappingNode) else ():
+            if isinstance(key, yaml.ScalarNode):
+                if key.value in seen:
+                    raise yaml.constructor.ConstructorError(
+                        None, None, f'{shown(key.value)} stands twice in the same group', key.start_mark)
+                seen.add(key.value)
+        return super().construct_mapping(node, deep=deep)
 
 
 _ParameterLoader.add_implicit_resolver(

@@ -22,6 +22,35 @@ LARGEST_SEED = 10**9
 """Upper bound of the seeds of random numbers."""
 
 
+LONGEST_ECHO = 200
+"""Largest number of characters of a value in a message."""
+
+
+def shown(value: object) -> str:
+    """Return a value as a message shows it: what `repr` returns, cut to `LONGEST_ECHO` characters."""
+    try:
+        text = repr(value)
+    except Exception:  # a whole number of thousands of digits, for example
+        text = f'of the type {type(value).__name__}'
+    return text if len(text) <= LONGEST_ECHO else f'{text[:LONGEST_ECHO - 3]}...'
+
+
+def real_array(name: str, values: Any) -> FloatArray:
+    """Return a new array of real numbers, or raise a ValueError that names what is wrong with `values`."""
+    try:
+        given = np.asarray(values)
+        real = given.dtype.kind in 'iuf' or given.dtype.kind == 'O' and all(map(_is_real, given.ravel().tolist()))
+        if real and not np.ma.is_masked(values):
+            return np.array(given, dtype=np.float64, order='C')  # a copy: Numba compiles again for a read-only array
+    except (TypeError, ValueError, OverflowError):  # rows of unequal length, or a whole number that no float holds
+        pass
+    raise ValueError(f'{name} is {shown(values)}, but must be an array of real numbers, none of them masked')
+
+
+def _is_real(value: object) -> bool:
+    return isinstance(value, numbers.Real) and not isinstance(value, bool)
+
+
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Quantity:
     """What is known about one parameter, whatever its present value."""
@@ -91,31 +120,32 @@ def checked(name: str, value: Any, about: Quantity) -> Any:
     """Return a value as its kind, or raise a ValueError that names it and its bound."""
     if about.kind is bool:
         if not isinstance(value, bool):
-            raise ValueError(f'{name} is {value!r}, but must be true or false')
+            raise ValueError(f'{name} is {shown(value)}, but must be true or false')
         return value
     if about.kind is str:
         if not isinstance(value, str) or not value:
-            raise ValueError(f'{name} is {value!r}, but must be a text that is not empty')
+            raise ValueError(f'{name} is {shown(value)}, but must be a text that is not empty')
         if about.choices and value not in about.choices:
-            raise ValueError(f'{name} is {value!r}, but must be {" or ".join(about.choices)}')
+            raise ValueError(f'{name} is {shown(value)}, but must be {" or ".join(about.choices)}')
         return value
     if about.kind is tuple:
         parts = value.tolist() if hasattr(value, 'tolist') else value
         if isinstance(parts, str) or not isinstance(parts, Sequence) or len(parts) != about.size:
-            raise ValueError(f'{name} is {parts!r}, but must be a list of {about.size} numbers {about.unit}'.rstrip())
+            raise ValueError(
+                f'{name} is {shown(parts)}, but must be a list of {about.size} numbers {about.unit}'.rstrip())
         return tuple(_number(f'{name}[{axis}]', part, float, about) for axis, part in enumerate(parts))
     return _number(name, value, about.kind, about)
 
 
 def _number(name: str, value: Any, kind: type, about: Quantity) -> Any:
-    if isinstance(value, bool) or not isinstance(value, numbers.Real):
-        raise ValueError(f'{name} is {value!r}, but must be a number {about.bounds}')
+    if not _is_real(value):
+        raise ValueError(f'{name} is {shown(value)}, but must be a number {about.bounds}')
     if kind is int and not isinstance(value, numbers.Integral):
-        raise ValueError(f'{name} is {value!r}, but must be a whole number {about.bounds}')
+        raise ValueError(f'{name} is {shown(value)}, but must be a whole number {about.bounds}')
     try:
         number = kind(value)
     except OverflowError:  # a whole number that no float holds
         number = math.inf
     if not about.low <= number <= about.high:  # also refuses nan
-        raise ValueError(f'{name} is {number!r}, but must be {about.bounds}')
+        raise ValueError(f'{name} is {shown(number)}, but must be {about.bounds}')
     return number

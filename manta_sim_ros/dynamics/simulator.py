@@ -19,8 +19,8 @@ from manta_sim_ros.dynamics._kernels.layout import workspace
 from manta_sim_ros.dynamics._kernels.motion import FASTEST, FIN_DIVERGED, NO_SOLUTION, FinState, Motion, Outcome
 from manta_sim_ros.dynamics.command import REST, SIDES, FinCommand, check_gait, check_present_gait, check_transition
 from manta_sim_ros.dynamics.current import deviation_at, steps_left
-from manta_sim_ros.dynamics.parameters import MONOLITHIC, SEQUENTIAL, Parameters
-from manta_sim_ros.dynamics.quantity import FloatArray
+from manta_sim_ros.dynamics.parameters import MONOLITHIC, SEQUENTIAL, Parameters, check_parameters
+from manta_sim_ros.dynamics.quantity import FloatArray, shown
 from manta_sim_ros.dynamics.stability import (
     ModelWarning,
     StabilityWarning,
@@ -29,16 +29,13 @@ from manta_sim_ros.dynamics.stability import (
     step_warning,
     turn_warning,
 )
-from manta_sim_ros.dynamics.state import State, check_shape, finite_array
+from manta_sim_ros.dynamics.state import MOST_STEPS, State, check_shape, finite_array
 
 WHOLE_STEPS_TOLERANCE = 1e-6
 """Largest difference of a duration from a whole number of steps, in steps: the rounding of decimal fractions."""
 
 LINK_STEPS_AT_ONCE = 5_000_000
 """Steps times links in one compiled call, about a second of computing: Ctrl-C takes effect between two calls."""
-
-MOST_STEPS = 2**53
-"""The largest number of steps: a float cannot count more."""
 
 _KERNELS: dict[str, ModuleType] = {SEQUENTIAL: staggered, MONOLITHIC: monolithic}
 
@@ -72,6 +69,7 @@ class Simulator:
 
     def __init__(self, parameters: Parameters | None = None, state: State | None = None) -> None:
         self._parameters = Parameters() if parameters is None else parameters
+        check_parameters(self._parameters)
         self._constants = constants(self._parameters)
         self._workspace = workspace(self._parameters.fin.chains, self._parameters.fin.links)
         warning = body_warning(self._parameters)
@@ -143,7 +141,7 @@ class Simulator:
         rods = self._parameters.rods
         for side, command in enumerate((left, right)):
             if not isinstance(command, FinCommand):
-                raise ValueError(f'the {SIDES[side]} command is {command!r}, but must be a FinCommand')
+                raise ValueError(f'the {SIDES[side]} command is {shown(command)}, but must be a FinCommand')
             check_gait(rods, side, command)
             check_transition(rods, side, gait[side], rates[side], command)
         commands = np.array([left.as_array(), right.as_array()])
@@ -232,11 +230,11 @@ class Simulator:
         time_step = self._parameters.solver.time_step
         longest = MOST_STEPS * time_step
         if isinstance(duration, bool) or not isinstance(duration, numbers.Real) or not 0.0 <= duration <= longest:
-            raise ValueError(f'duration is {duration!r}, but must be a number from 0 to {longest:g} s')
+            raise ValueError(f'duration is {shown(duration)}, but must be a number from 0 to {longest:g} s')
         steps = round(duration / time_step)
         if abs(duration / time_step - steps) > WHOLE_STEPS_TOLERANCE:
             raise ValueError(
-                f'duration is {duration!r} s, but must be a whole number of steps of solver.time_step, '
+                f'duration is {shown(duration)} s, but must be a whole number of steps of solver.time_step, '
                 f'{time_step!r} s; the nearest is {steps * time_step!r} s'
             )
         return steps
@@ -301,8 +299,9 @@ def fin_dynamics(
         +-pi, the support does not close, or the motion is so fast that the result is not finite.
 
     """
+    check_parameters(parameters)
     if isinstance(side, bool) or not isinstance(side, numbers.Integral) or side not in (0, 1):
-        raise ValueError(f'side is {side!r}, but must be 0 (left) or 1 (right)')
+        raise ValueError(f'side is {shown(side)}, but must be 0 (left) or 1 (right)')
     rods, joints = parameters.rods, (parameters.fin.chains, parameters.fin.links)
     rod_motion = finite_array('rod_motion', rod_motion, (2, 3))
     angles = finite_array('joint_angles', joint_angles, joints)

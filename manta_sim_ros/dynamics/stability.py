@@ -24,8 +24,8 @@ from manta_sim_ros.dynamics.harmonic import (
     gait_motion,
     straight_fins,
 )
-from manta_sim_ros.dynamics.parameters import SEQUENTIAL, Parameters, Solver
-from manta_sim_ros.dynamics.quantity import FloatArray
+from manta_sim_ros.dynamics.parameters import SEQUENTIAL, Parameters, Solver, check_parameters
+from manta_sim_ros.dynamics.quantity import FloatArray, shown
 from manta_sim_ros.dynamics.state import State
 
 SPEED_SHARE = 0.85
@@ -78,9 +78,10 @@ def largest_stable_step(parameters: Parameters, left: FinCommand, right: FinComm
         A gait is impossible; names side, value and bound.
 
     """
+    check_parameters(parameters)
     for side, command in enumerate((left, right)):
         if not isinstance(command, FinCommand):
-            raise ValueError(f'the {SIDES[side]} command is {command!r}, but must be a FinCommand')
+            raise ValueError(f'the {SIDES[side]} command is {shown(command)}, but must be a FinCommand')
         check_gait(parameters.rods, side, command)
     return _largest_stable_step(parameters, left, right)
 

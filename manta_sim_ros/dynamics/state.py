@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from manta_sim_ros.dynamics.parameters import Parameters
-from manta_sim_ros.dynamics.quantity import FloatArray
+from manta_sim_ros.dynamics.parameters import Parameters, check_parameters
+from manta_sim_ros.dynamics.quantity import FloatArray, real_array, shown
 
 SHAPES: dict[str, tuple[int, ...]] = {
     'position': (3,),
@@ -31,6 +31,9 @@ SHAPES: dict[str, tuple[int, ...]] = {
 
 LONGEST_TIME = 1e12
 """Bound of the time of a state [s]: beyond it a float cannot represent single steps."""
+
+MOST_STEPS = 2**53
+"""The largest number of steps: a float cannot count more."""
 
 UNIT_TOLERANCE = 1e-6
 """Largest difference of the norm of an orientation from 1: the rounding of a printed value."""
@@ -94,11 +97,14 @@ class State:
             value: Any = getattr(self, name)
             real = isinstance(value, numbers.Real) and not isinstance(value, bool)
             if not (real and -LONGEST_TIME < value < LONGEST_TIME):
-                raise ValueError(f'state.{name} is {value!r}, but must be a finite number within {LONGEST_TIME:g} s')
+                raise ValueError(
+                    f'state.{name} is {shown(value)}, but must be a finite number within {LONGEST_TIME:g} s')
             object.__setattr__(self, name, float(value))
         count = self.step_count
-        if isinstance(count, bool) or not isinstance(count, numbers.Integral) or count < 0:
-            raise ValueError(f'state.step_count is {count!r}, but must be a whole number, at least 0')
+        whole = isinstance(count, numbers.Integral) and not isinstance(count, bool)
+        if not (whole and 0 <= count <= MOST_STEPS):
+            raise ValueError(
+                f'state.step_count is {shown(count)}, but must be a whole number from 0 to {MOST_STEPS}')
         for field in dataclasses.fields(self):
             if field.name in SHAPES or field.name in ('joint_angles', 'joint_rates'):
                 object.__setattr__(self, field.name, self._checked_array(field.name))
@@ -118,10 +124,7 @@ class State:
         return type(self), tuple(getattr(self, field.name) for field in dataclasses.fields(self))
 
     def _checked_array(self, name: str) -> FloatArray:
-        try:
-            array = np.array(getattr(self, name), dtype=np.float64)
-        except (TypeError, ValueError) as error:
-            raise ValueError(f'state.{name} must be an array of numbers: {error}') from error
+        array = real_array(f'state.{name}', getattr(self, name))
         if name in SHAPES and array.shape != SHAPES[name]:
             raise ValueError(f'state.{name} has shape {array.shape}, but must have {SHAPES[name]}')
         if not np.isfinite(array).all():
@@ -160,7 +163,10 @@ class State:
 
 
 def check_shape(parameters: Parameters, state: State) -> None:
-    """Raise a ValueError if the numbers of chains and links of a state are not those of the parameters."""
+    """Raise a ValueError if these are no parameters and no state, or of other numbers of chains and links."""
+    check_parameters(parameters)
+    if not isinstance(state, State):
+        raise ValueError(f'state is {shown(state)}, but must be a State')
     fin = parameters.fin
     expected = (2, fin.chains, fin.links)
     if state.joint_angles.shape != expected:
@@ -170,7 +176,7 @@ def check_shape(parameters: Parameters, state: State) -> None:
 
 def finite_array(name: str, values: Sequence[float] | FloatArray, shape: tuple[int, ...]) -> FloatArray:
     """Return `values` as a new array of this shape, or raise a ValueError that names what is wrong."""
-    array = np.array(values, dtype=np.float64, order='C')  # a copy: Numba would compile again for a read-only array
+    array = real_array(name, values)
     if array.shape != shape:
         raise ValueError(f'{name} has shape {array.shape}, but must have {shape}')
     if not np.isfinite(array).all():

@@ -33,6 +33,7 @@ from manta_sim_ros.dynamics import (
     FloatArray,
     Parameters,
     State,
+    shown,
     support_angles,
     support_rates,
 )
@@ -237,7 +238,7 @@ def wrench_of(message: WrenchStamped, base_frame: str, odom_frame: str) -> tuple
 def _check_frame(given: Header, *frames: str) -> None:
     if given.frame_id not in frames:
         raise ValueError(
-            f'header.frame_id is {given.frame_id!r}, but must be {" or ".join(repr(frame) for frame in frames)}')
+            f'header.frame_id is {shown(given.frame_id)}, but must be {" or ".join(repr(frame) for frame in frames)}')
 
 
 def _checked(name: str, vector: Point | Vector3, largest: float, unit: str) -> list[float]:

@@ -10,7 +10,7 @@ from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescri
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from manta_sim_ros.dynamics import Quantity
+from manta_sim_ros.dynamics import Quantity, shown
 from manta_sim_ros.nodes.settings import Settings
 
 OTHERS = ('use_sim_time', 'start_type_description_service')
@@ -70,7 +70,7 @@ def declare_value(node: Node, name: str, default: Any, description: str) -> Any:
         value = _decimal(value) if isinstance(default, float) else value
         fits = type(value) is type(default)
     if not fits:
-        raise ValueError(f'{name} is {value!r}, but must be of the type of {default!r}')
+        raise ValueError(f'{name} is {shown(value)}, but must be of the type of {default!r}')
     node.declare_parameter(
         name, value, ParameterDescriptor(description=description, read_only=True), ignore_override=True)
     return value

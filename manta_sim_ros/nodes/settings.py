@@ -6,7 +6,7 @@ import dataclasses
 from collections.abc import Iterable
 from typing import Any
 
-from manta_sim_ros.dynamics import ParameterGroup, Parameters, Quantity, Vector, quantity
+from manta_sim_ros.dynamics import ParameterGroup, Parameters, Quantity, Vector, quantity, shown
 from manta_sim_ros.sensors import Imu, Pressure
 
 FARTHEST = 1e6
@@ -95,9 +95,9 @@ class NodeParameters(ParameterGroup):
         for name in ('odom_frame', 'base_frame'):
             frame = getattr(self, name)
             if frame.startswith('/') or frame != ''.join(frame.split()):
-                raise ValueError(f'{name} is {frame!r}, but must be a name without a leading / and without spaces')
+                raise ValueError(f'{name} is {shown(frame)}, but must be a name without a leading / and without spaces')
         if self.odom_frame == self.base_frame:
-            raise ValueError(f'base_frame is {self.base_frame!r}, but must differ from odom_frame')
+            raise ValueError(f'base_frame is {shown(self.base_frame)}, but must differ from odom_frame')
 
 
 @dataclasses.dataclass(frozen=True)

@@ -94,3 +94,28 @@ def test_a_file_that_is_no_text_is_refused_with_its_path(tmp_path):
 def test_a_file_that_is_not_there_is_an_os_error(tmp_path):
     with pytest.raises(FileNotFoundError):
         Parameters.from_yaml(tmp_path / 'nowhere.yaml')
+
+
+def test_names_with_dots_are_those_of_the_groups(read):
+    assert read(below('fin.chains: 12', 'water.current: [0.1, 0.0, 0.0]', 'fin: {links: 2}', 'fin.span: 0.25')) == (
+        Parameters().replace(fin={'chains': 12, 'links': 2, 'span': 0.25}, water={'current': (0.1, 0.0, 0.0)}))
+    assert read(below('imu.seed: 3', 'qos_overrides./odom.publisher.depth: 3')) == Parameters()
+
+
+@pytest.mark.parametrize(('text', 'reason'), [
+    (below('fin: {chains: 12}', 'fin: {links: 2}'), r"'fin' stands twice.*line 4"),
+    (below('fin: {chains: 12, chains: 13}'), r"'chains' stands twice.*line 3"),
+    (below('fin: {chains: 12}', 'fin.chains: 13'), r"'fin\.chains' stands twice"),
+    (below('fin.densty: 1.0'), 'fin.densty is no parameter; fin has chains'),
+    ('/**:\n  ros__parameters: {}\n/**:\n  ros__parameters: {}', r"'/\*\*' stands twice.*line 3"),
+    (below('a: &a [x, x, x]', 'b: &b [*a, *a, *a]', 'fin: {chains: *b}'), 'aliases are not allowed.*line 4'),
+    (below(f'fin: {"[" * 5000}'), 'nested too deeply|while parsing'),
+    (below('water: {? [1, 2] : 3}'), 'unhashable'),
+    (below('# ' + 'x' * 2_000_000), 'more than 1000000 characters'),
+], ids=['a group twice', 'a name twice', 'with and without a dot', 'unknown', 'a node twice', 'aliases', 'deep',
+        'a list as a name', 'large'])
+def test_a_file_that_ros_would_read_otherwise_or_that_never_ends_is_refused(read, text, reason):
+    with pytest.raises(ValueError) as refusal:
+        read(text)
+    assert 'parameters.yaml: ' in str(refusal.value)
+    assert re.search(reason, str(refusal.value), flags=re.DOTALL) and len(str(refusal.value)) < 1000

@@ -191,3 +191,16 @@ def test_a_group_of_another_class_is_refused(group):
     for invalid in (None, {}, Fin() if group != 'fin' else Water()):
         with pytest.raises(ValueError, match=f'^{group} is .* must be a '):
             Parameters(**{group: invalid})
+
+
+@pytest.mark.parametrize(('groups', 'bound'), [
+    ({'fin': {'span': 'x' * 10**6}}, 'a number from 0.001 to 10 m'),
+    ({'fin': {'chains': 10**5000}}, 'must be from 2 to 2000'),
+    ({'body': {'inertia': [1.0] * 10**5}}, 'a list of 3 numbers kg m^2'),
+    ({'solver': {'coupling': 'x' * 10**6}}, 'sequential or monolithic'),
+    ({'fin': {'x' * 10**6: 1.0}}, 'fin has chains'), ({'x' * 10**6: {}}, 'the groups are water'),
+    ({'fin': ['x' * 10**6]}, 'a group of named values')])
+def test_an_endless_value_is_refused_in_a_short_line_with_its_bound(groups, bound):
+    with pytest.raises(ValueError) as refusal:
+        Parameters().replace(**groups)
+    assert len(str(refusal.value)) < 450 and bound in str(refusal.value)

@@ -256,3 +256,9 @@ def test_a_wrench_is_read_with_its_frame(frame):
 def test_an_invalid_wrench_is_refused_by_name_with_its_bound(message, words):
     with pytest.raises(ValueError, match=words):
         messages.wrench_of(message, 'manta', 'world')
+
+
+def test_an_endless_frame_is_refused_in_a_short_line():
+    with pytest.raises(ValueError) as refusal:
+        messages.current_of(current(0.1, 0.0, 0.0, frame='x' * 8_000_000), 'world')
+    assert len(str(refusal.value)) < 400 and "must be 'world'" in str(refusal.value)
