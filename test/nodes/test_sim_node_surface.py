@@ -23,7 +23,7 @@ def water(probe):
 
 
 def test_a_robot_that_is_put_above_the_surface_falls_back_and_diagnostics_say_so(launch, probe):
-    launch('sim_node', '-p water.surface_height:=0.0 -p "initial_position:=[0.0, 0.0, 100.0]"')
+    launch('sim_node', '-p water.surface_height:=0.0 -p "initial_position:=[0.0, 0.0, 1000.0]"')
     last = water(probe)
     probe.until(lambda: last() is not None, 'diagnostics')
     assert last() == (DiagnosticStatus.WARN, 'in the air: the robot falls')

@@ -182,7 +182,7 @@ def highest_part(
 def parts_of_step(
     constants: Constants, surface: Surface, twist: FloatArray, rod_angles: FloatArray, work: Workspace,
 ) -> int:
-    """Return the number of equal parts that a step must be taken in: 1 unless a part of the robot is above the water.
+    """Return the number of equal parts that a step must be taken in: 1 unless the robot is at the surface.
 
     `surface` is as the body sees it, and `twist` (6,) is that of the body.
     """
@@ -207,8 +207,9 @@ def _parts_near_surface(
             bend = max(bend, max(abs(left.q[j, k]), abs(right.q[j, k])))
     speed = fin.span * rate + sqrt(twist[0] ** 2 + twist[1] ** 2 + twist[2] ** 2)
     speed += constants.reach * sqrt(twist[3] ** 2 + twist[4] ** 2 + twist[5] ** 2)
-    if highest_part(constants, surface, rod_angles, left, right) < -constants.time_step * speed:
-        return 1
+    way = constants.time_step * speed
+    if surface.height > constants.reach + way or highest_part(constants, surface, rod_angles, left, right) < -way:
+        return 1  # all of it is in the air or in the water
     per_length = max(2.0 * fin.drag / fin.link_mass, fin.added_mass / (fin.link_mass * fin.thickness))
     for axis in range(6):
         own = body.mass if axis < 3 else body.inertia[axis - 3]
