@@ -65,7 +65,7 @@ class Simulator:
     """
 
     _step_too_large = False  # for the gaits of the last command
-    _turn_warned = False
+    _turn_warning: str | None = None
 
     def __init__(self, parameters: Parameters | None = None, state: State | None = None) -> None:
         self._parameters = Parameters() if parameters is None else parameters
@@ -218,13 +218,16 @@ class Simulator:
         self._warn_of_turn()
         return self._state
 
+    @property
+    def turn_warning(self) -> str | None:
+        """The warning of chordwise instability in a turn that was given, if any."""
+        return self._turn_warning
+
     def _warn_of_turn(self) -> None:
-        if self._turn_warned:
-            return
-        warning = turn_warning(self._parameters, self._state)
-        if warning is not None:
-            self._turn_warned = True
-            warnings.warn(warning, ModelWarning, stacklevel=3)
+        if self._turn_warning is None:
+            self._turn_warning = turn_warning(self._parameters, self._state)
+            if self._turn_warning is not None:
+                warnings.warn(self._turn_warning, ModelWarning, stacklevel=3)
 
     def _whole_steps(self, duration: float) -> int:
         time_step = self._parameters.solver.time_step

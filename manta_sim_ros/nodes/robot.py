@@ -59,6 +59,11 @@ class Robot:
         return self._simulator.state
 
     @property
+    def turn_warning(self) -> str | None:
+        """The warning of the simulator that its fins have chordwise instability in a turn, if it gave one."""
+        return self._simulator.turn_warning
+
+    @property
     def commands(self) -> tuple[FinCommand, FinCommand]:
         """The last commands of the left and the right fin."""
         left, right = (FinCommand(*command) for command in self.state.gait_commands)

@@ -23,7 +23,6 @@ from manta_sim_ros.dynamics import (
     immersed_shares,
     largest_stable_step,
     step_warning,
-    turn_warning,
 )
 from manta_sim_ros.nodes import messages
 from manta_sim_ros.nodes.diagnostics import Health, statuses
@@ -142,7 +141,7 @@ class SimNode(Node):
         """Warn, once of each, if the parameters let the robot move as no robot does."""
         model = self._settings.model
         body = None if self._body_warned else body_warning(model)
-        turn = None if self._turn_warned else turn_warning(model, self._robot.state)
+        turn = None if self._turn_warned else self._robot.turn_warning
         self._body_warned |= body is not None
         self._turn_warned |= turn is not None
         for warning in (body, turn):
