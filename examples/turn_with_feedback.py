@@ -55,3 +55,6 @@ if __name__ == '__main__':
         rclpy.spin(HeadingController())
     except (KeyboardInterrupt, ExternalShutdownException):
         pass
+    except Exception:
+        if rclpy.ok():  # else SIGTERM came at a moment for which rclpy raises another error
+            raise
