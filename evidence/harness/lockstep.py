@@ -14,12 +14,13 @@ from std_srvs.srv import SetBool, Trigger
 class LockstepRobot:
     """A simulator in its own namespace, whose simulated time this process controls."""
 
-    def __init__(self, launch, probe, name, ros_arguments=''):
+    def __init__(self, launch, probe, name, ros_arguments='', clock=None):
         self.probe, self.name = probe, name
-        self.node = launch('sim_node', f'{ros_arguments} -r __ns:=/{name} -r /clock:=/{name}/clock')
+        clock = clock or f'/{name}/clock'
+        self.node = launch('sim_node', f'{ros_arguments} -r __ns:=/{name} -r /clock:={clock}')
         self.odometry = probe.record(Odometry, f'/{name}/odom')
         self.wrench = probe.record(WrenchStamped, f'/{name}/fin_wrench')
-        self.clock = probe.record(Clock, f'/{name}/clock')
+        self.clock = probe.record(Clock, clock)
         self.commands = probe.node.create_publisher(Float64MultiArray, f'/{name}/fin_command', 10)
         self.poses = probe.node.create_publisher(PoseStamped, f'/{name}/set_pose', 10)
         probe.until(lambda: self.commands.get_subscription_count() and self.poses.get_subscription_count(), name)

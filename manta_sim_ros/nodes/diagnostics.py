@@ -23,18 +23,25 @@ class Health:
 
     time: float
     paused: bool
+    """Whether simulated time stands still."""
+    follows: bool
+    """Whether the node follows the clock of another one."""
+    clock_trouble: str
+    """What is wrong with that clock, empty for nothing."""
     wanted_factor: float
     """The wanted real-time factor; 0 is as fast as possible."""
     reached_factor: float
-    """The real-time factor reached, NaN when paused."""
+    """The real-time factor reached, NaN when paused, or when the time to measure it was too short."""
     computing: float
     """Computing time of a time step, elapsed time [s], NaN when there was none."""
     command_age: float
     """Time since the last accepted command, NaN when there was none."""
     timed_out: bool
     """Whether the amplitudes went to zero because that was too long ago."""
+    abandoned: bool
+    """Whether the fins flap although nobody publishes commands any more."""
     refused: Mapping[str, Refused]
-    """What was refused of each topic that the simulator subscribes to."""
+    """What was refused of each topic that the simulator subscribes to, of parameters, and of service calls."""
     current: FloatArray
     """Present velocity (3,) of the water, world frame [m/s]."""
     external_wrench: bool
@@ -80,8 +87,14 @@ def _pace(health: Health) -> Description:
         'real-time factor asked for': f'{health.wanted_factor:g}',
         'computing time of a step [us]': _number(1e6 * health.computing),
     }
+    if health.clock_trouble:
+        return DiagnosticStatus.WARN, health.clock_trouble, values
     if health.paused:
-        return DiagnosticStatus.OK, 'paused: simulated time stands still', values
+        return DiagnosticStatus.OK, (
+            'simulated time stands still, as /clock does' if health.follows
+            else 'paused: simulated time stands still'), values
+    if math.isnan(health.reached_factor):
+        return DiagnosticStatus.OK, 'simulated time runs', values
     if not health.keeps_up:
         return DiagnosticStatus.WARN, (
             f'this machine cannot keep up: simulated time runs at {health.reached_factor:.2g} times real time instead '
@@ -93,14 +106,18 @@ def _commands(health: Health) -> Description:
     values = {
         'age of the last fin_command [s]': _number(health.command_age),
         'refused': str(health.refused['fin_command'].total),
-        'set_pose refused': str(health.refused['set_pose'].total),
+        **{f'{name} refused': str(health.refused[name].total) for name in ('set_pose', 'parameters', 'service calls')},
     }
-    refused = _refused_lately(health, 'fin_command', 'set_pose')
+    refused = _refused_lately(health, 'fin_command', 'set_pose', 'parameters', 'service calls')
     if refused:
         return DiagnosticStatus.WARN, refused, values
     if health.timed_out:
         return DiagnosticStatus.WARN, (
             f'no fin_command for {health.command_age:.3g} s: the fins glide to rest, publish a new command'
+        ), values
+    if health.abandoned:
+        return DiagnosticStatus.WARN, (
+            'the fins flap, but nobody publishes fin_command any more: set command_timeout to let them glide to rest'
         ), values
     if math.isnan(health.command_age):
         return DiagnosticStatus.OK, 'no fin_command yet: the fins are at rest', values

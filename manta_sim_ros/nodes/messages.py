@@ -58,6 +58,11 @@ def time_message(seconds: float) -> Time:
     return Time(sec=whole, nanosec=rest)
 
 
+def seconds(stamp: Time) -> float:
+    """Return a stamp as a time [s]."""
+    return float(stamp.sec + stamp.nanosec / NANOSECONDS)
+
+
 def clock_message(stamp: Time) -> Clock:
     """Return the clock message of a stamp."""
     return Clock(clock=stamp)

@@ -12,6 +12,7 @@ from builtin_interfaces.msg import Time
 from rclpy.duration import Duration
 from rclpy.node import Node
 from rclpy.publisher import Publisher
+from rosgraph_msgs.msg import Clock
 from std_msgs.msg import Header
 
 from manta_sim_ros.dynamics import SIDES, State
@@ -27,6 +28,9 @@ PATH_LENGTH = 20.0
 PATIENCE = 5.0
 """Longest wait for subscribers that do not take their messages [s]."""
 
+CLOCK_PERIOD = 1.0
+"""Elapsed time after which the clock is published again while simulated time stands still [s]."""
+
 ROUNDING = 1e-6  # tolerance of a number of periods: far above the rounding of a time and far below a time step
 
 
@@ -41,13 +45,16 @@ class Outputs:
         Returns the present parameters of the node.
     mean_current
         Returns the mean velocity (3,) of the water, world frame [m/s].
+    follows
+        Returns whether the node follows the clock of another one, so that its stamps are simulated time.
 
     """
 
     def __init__(
         self, node: Node, settings: Callable[[], Settings], mean_current: Callable[[], Sequence[float]],
+        follows: Callable[[], bool],
     ) -> None:
-        self._node, self._settings, self._mean_current = node, settings, mean_current
+        self._node, self._settings, self._mean_current, self._follows = node, settings, mean_current, follows
         self._pose = publisher(node, 'pose')
         self._twist = publisher(node, 'twist')
         self._odometry = publisher(node, 'odom')
@@ -63,6 +70,10 @@ class Outputs:
         self._queued: Counter[Publisher[Any]] = Counter()  # messages without a receipt
         self._transformed_at: Time | None = None  # tf2 takes one transform per stamp, and a slow /clock repeats stamps
         self._before: State | None = None
+        self._clock_due = math.inf  # steady time at which the clock is repeated [s]
+        self._latest: dict[Publisher[Any], Any] = {}  # the last message
+        self._subscribers: Counter[Publisher[Any]] = Counter()  # to which that was sent
+        self._headers: tuple[Header, Header] | None = None  # of the last state
 
     @property
     def lacks_transform(self) -> bool:
@@ -75,8 +86,8 @@ class Outputs:
         return self._clock is not None and self._node.count_publishers(self._clock.topic_name) > 1
 
     def stamp(self, state: State) -> Time:
-        """Return the stamp of a state: simulated time, or without /clock the time of the node."""
-        if self._clock is not None:
+        """Return the stamp of a state: its time, or the time of the node if that has no part in /clock."""
+        if self._clock is not None or self._follows():
             return messages.time_message(state.time)
         return self._node.get_clock().now().to_msg()
 
@@ -105,8 +116,39 @@ class Outputs:
         return True
 
     def _send(self, to: Publisher[Any], message: Any) -> None:
+        self._subscribers[to] = to.get_subscription_count()
         to.publish(message)
+        self._latest[to] = message
         self._queued[to] += 1
+
+    def lacks(self, state: State) -> bool:
+        """Whether the time of a state is another one than that of the last outputs."""
+        return self._before is None or self._before.time != state.time
+
+    def repeat_clock(self) -> None:
+        """Publish the clock again if the last time was `CLOCK_PERIOD` ago."""
+        if self._clock is not None and time.monotonic() >= self._clock_due:
+            self._send_clock(self._latest[self._clock])
+
+    def _send_clock(self, message: Clock) -> None:
+        if self._clock is not None:
+            self._send(self._clock, message)
+            self._clock_due = time.monotonic() + CLOCK_PERIOD
+
+    def publish_to_latecomers(self) -> None:
+        """Publish the last state again on the topics that have more subscribers than it was sent to."""
+        if self._before is None or self._headers is None:
+            return
+        for each in dict.fromkeys([*self._latest, self._fin_markers]):
+            before, self._subscribers[each] = self._subscribers[each], each.get_subscription_count()
+            if self._subscribers[each] <= before:
+                continue
+            if each is self._joint_states:  # its last message may be of an earlier state, as its rate is another one
+                self._send_joint_states(self._before, self._headers[1])
+            elif each is self._fin_markers:
+                self._show(self._before, *self._headers)
+            else:
+                self._send(each, self._latest[each])
 
     def publish(self, state: State) -> None:
         """Publish all outputs of a state that are due, then the clock."""
@@ -130,13 +172,16 @@ class Outputs:
         if self._was_put(state):
             self._markers.forget()
         if self._due(state, own.joint_state_rate):
-            names = messages.joint_names(model, own.publish_fin_joints)
-            self._send(self._joint_states, messages.joint_state_message(state, model, names, base))
+            self._send_joint_states(state, base)
         if self._due(state, own.marker_rate):
             self._show(state, odom, base)
-        if self._clock is not None:
-            self._send(self._clock, messages.clock_message(stamp))
-        self._before = state
+        self._send_clock(messages.clock_message(stamp))
+        self._before, self._headers = state, (odom, base)
+
+    def _send_joint_states(self, state: State, base: Header) -> None:
+        settings = self._settings()
+        names = messages.joint_names(settings.model, settings.node.publish_fin_joints)
+        self._send(self._joint_states, messages.joint_state_message(state, settings.model, names, base))
 
     def _was_put(self, state: State) -> bool:
         """Whether the robot was put at a pose since the last state: its steps are counted again, or no time passed."""
@@ -146,7 +191,7 @@ class Outputs:
     def _due(self, state: State, rate: float) -> bool:
         """Whether an output with another rate is due: a multiple of its period has passed since the last state."""
         before = 0.0 if self._before is None else self._before.time
-        if before == state.time:  # a new pose, or the first state
+        if before >= state.time:  # a new pose, the first state, or a clock that is followed went back
             return True
         return math.floor(state.time * rate + ROUNDING) > math.floor(before * rate + ROUNDING)
 

@@ -1,8 +1,9 @@
-"""The one place where topics are made, and their quality of service is chosen: reliable, volatile, small queues.
+"""The one place where topics are made, and their quality of service is chosen: reliable, with small queues.
 
-Reliable publishers serve best-effort subscribers too. The read-only parameters
-`qos_overrides.<topic>.<publisher or subscription>.<history, depth or reliability>` change that at the start. rclpy logs
-a warning when the QoS of a subscriber or of a publisher is incompatible.
+Reliable publishers serve best-effort subscribers too. The outputs of the robot are transient local, so that whoever asks
+for that gets the last ones; time, transform and diagnostics are volatile, as in other simulators. The parameters
+`qos_overrides.<topic>.<publisher or subscription>.<history, depth, reliability or durability>`, which are read-only, change
+that at the start. rclpy logs a warning when the QoS of a subscriber or of a publisher is incompatible.
 """
 
 from __future__ import annotations
@@ -16,13 +17,16 @@ from typing import Any
 from rclpy.callback_groups import CallbackGroup
 from rclpy.node import Node
 from rclpy.publisher import Publisher
-from rclpy.qos import QoSProfile, ReliabilityPolicy
+from rclpy.qos import DurabilityPolicy, QoSPolicyKind, QoSProfile, ReliabilityPolicy
 from rclpy.qos_overriding_options import InvalidQosOverridesError, QosCallbackResult, QoSOverridingOptions
 from rclpy.subscription import Subscription
 
 from manta_sim_ros.nodes.interface import TOPICS
 
 QUEUE_DEPTH = 10
+
+VOLATILE = ('fin_command', '/clock', '/tf', '/diagnostics')
+"""Topics whose publishers keep nothing for subscribers that come later."""
 
 EVENT_PERIOD, EVENT_WINDOW = 1.0, 0.05
 """Period of the checks of the events of publishers, and duration of a check [s]."""
@@ -66,11 +70,14 @@ def publisher(node: Node, topic: str) -> Publisher[Any]:
     """
     with _named_errors('publisher', topic):
         return node.create_publisher(
-            message_class(TOPICS[topic].type), topic, _profile(), callback_group=_EVENTS,
-            qos_overriding_options=_overridable())
+            message_class(TOPICS[topic].type), topic, _profile(lasts=topic not in VOLATILE), callback_group=_EVENTS,
+            qos_overriding_options=_OVERRIDABLE)
 
 
-def subscription(node: Node, topic: str, callback: Callable[[Any], None]) -> Subscription[Any]:
+def subscription(
+    node: Node, topic: str, callback: Callable[[Any], None],
+    reliability: ReliabilityPolicy = ReliabilityPolicy.RELIABLE,
+) -> Subscription[Any]:
     """Create the subscription to one of `TOPICS`; parameters of the node may change its quality of service.
 
     Raises
@@ -81,7 +88,8 @@ def subscription(node: Node, topic: str, callback: Callable[[Any], None]) -> Sub
     """
     with _named_errors('subscription', topic):
         return node.create_subscription(
-            message_class(TOPICS[topic].type), topic, callback, _profile(), qos_overriding_options=_overridable())
+            message_class(TOPICS[topic].type), topic, callback, _profile(reliability),
+            qos_overriding_options=_OVERRIDABLE)
 
 
 def message_class(type_name: str) -> type[Any]:
@@ -108,12 +116,9 @@ def _named_errors(entity: str, topic: str) -> Iterator[None]:
         raise ValueError(f'qos_overrides of the {entity} {topic}: {reason}') from error
 
 
-def _profile() -> QoSProfile:
-    return QoSProfile(depth=QUEUE_DEPTH, reliability=ReliabilityPolicy.RELIABLE)
-
-
-def _overridable() -> QoSOverridingOptions:
-    return QoSOverridingOptions.with_default_policies(callback=_checked)
+def _profile(reliability: ReliabilityPolicy = ReliabilityPolicy.RELIABLE, *, lasts: bool = False) -> QoSProfile:
+    durability = DurabilityPolicy.TRANSIENT_LOCAL if lasts else DurabilityPolicy.VOLATILE
+    return QoSProfile(depth=QUEUE_DEPTH, reliability=reliability, durability=durability)
 
 
 def _checked(profile: QoSProfile) -> QosCallbackResult:
@@ -121,3 +126,8 @@ def _checked(profile: QoSProfile) -> QosCallbackResult:
     result.successful = profile.depth >= 1
     result.reason = f'depth is {profile.depth}, but must be at least 1'
     return result
+
+
+_OVERRIDABLE = QoSOverridingOptions(
+    (QoSPolicyKind.HISTORY, QoSPolicyKind.DEPTH, QoSPolicyKind.RELIABILITY, QoSPolicyKind.DURABILITY),
+    callback=_checked)

@@ -1,4 +1,4 @@
-"""Messages that are refused: each is counted with its reason, and warned of, whatever its topic."""
+"""Inputs that are refused: each is counted with its reason, and messages are warned of, whatever their topic."""
 
 from __future__ import annotations
 
@@ -11,25 +11,25 @@ WARNING_PERIOD = 1.0
 
 
 class Refused(NamedTuple):
-    """What was refused on a topic."""
+    """What was refused on a topic, or of another input."""
 
     total: int
-    """Messages since the start."""
+    """Messages or requests since the start."""
     lately: int
-    """Messages since this was asked last."""
+    """Messages or requests since this was asked last."""
     reason: str
     """Why the last one was refused, empty when there was none."""
 
 
 class Refusals:
-    """The refused messages of one topic.
+    """What is refused of one input.
 
     Parameters
     ----------
     warn
         Takes a line.
     topic
-        Its name.
+        Its name, or what else the input is.
     consequence
         What happens instead, in words.
 
@@ -41,9 +41,13 @@ class Refusals:
         self._reason = ''
         self._quiet_until = 0.0  # steady time [s]
 
+    def count(self, reason: str) -> None:
+        """Count a refused request, whose sender is told."""
+        self._total, self._reason = self._total + 1, reason
+
     def add(self, error: ValueError) -> None:
         """Count a refused message, and warn unless there was a warning just now."""
-        self._total, self._reason = self._total + 1, str(error)
+        self.count(str(error))
         now = time.monotonic()
         if now >= self._quiet_until:
             self._quiet_until = now + WARNING_PERIOD

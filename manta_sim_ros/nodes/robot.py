@@ -41,6 +41,7 @@ class Robot:
         self._error, self._warn = error, warn
         self._simulator = Simulator(settings.model, state=self._at_rest(*self._start, 0.0, np.zeros(3)))
         self._steps_due = 0.0
+        self._steps_left = 0  # to the next output, while the robot follows a clock
         self._commanded_at: float | None = None  # simulated time of the last accepted command
         self._current: Sequence[float] | None = None  # instead of water.current
         self._body_wrench: Sequence[float] | None = None
@@ -68,6 +69,11 @@ class Robot:
         """The last commands of the left and the right fin."""
         left, right = (FinCommand(*command) for command in self.state.gait_commands)
         return left, right
+
+    @property
+    def flaps(self) -> bool:
+        """Whether a fin is commanded to flap."""
+        return any(command.amplitude > 0.0 and command.frequency > 0.0 for command in self.commands)
 
     @property
     def command_age(self) -> float:
@@ -133,6 +139,31 @@ class Robot:
     def tick(self) -> State:
         """Advance by one output period, `1 / publish_rate`, and return the state."""
         return self._advance(self._steps_to_output())
+
+    def follow(self, time: float) -> bool:
+        """Advance towards a time [s], but not beyond the next output; return whether that output is due now."""
+        self._steps_left = self._steps_left or self._steps_to_output()
+        steps = min(self._steps_left, self.steps_until(time))
+        if steps <= 0:
+            return False
+        self._steps_left -= steps
+        self._advance(steps)
+        return self._steps_left == 0
+
+    def steps_until(self, time: float) -> int:
+        """Return the number of whole time steps until a time [s], negative after it, 0 if that is NaN."""
+        if math.isnan(time):
+            return 0
+        rounding = ROUNDING + 4.0 * math.ulp(time) / self._time_step  # of times in nanoseconds since 1970, too
+        return math.floor((time - self.state.time) / self._time_step + rounding)
+
+    def continue_at(self, time: float) -> None:
+        """Let the present state be that of another time [s], and let nothing else change."""
+        shift = time - self.state.time
+        self._simulator.reset(dataclasses.replace(self.state, time=time, start_time=time, step_count=0))
+        self._wrench_ends += shift
+        if self._commanded_at is not None:
+            self._commanded_at += shift
 
     def ticks(self, duration: float) -> Iterator[State]:
         """Yield the states of all outputs in exactly the next `duration` [s]; the last one is at its end.

@@ -30,7 +30,8 @@ class NodeParameters(ParameterGroup):
     )
     publish_clock: bool = quantity(
         True,
-        description='publish /clock and stamp messages with simulated time; else stamp them with the clock of the node',
+        description='publish /clock; if false and use_sim_time is true, follow that of another simulator, else stamp '
+                    'messages with the clock of the node',
         source='chosen',
     )
     start_paused: bool = quantity(

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray
 from rcl_interfaces.msg import SetParametersResult
+from rclpy.exceptions import ParameterNotDeclaredException
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
@@ -27,22 +28,24 @@ from manta_sim_ros.dynamics import (
 from manta_sim_ros.nodes import messages
 from manta_sim_ros.nodes.diagnostics import Health, statuses
 from manta_sim_ros.nodes.disturbances import Disturbances
+from manta_sim_ros.nodes.leader_clock import FOLLOWS, LeaderClock
 from manta_sim_ros.nodes.outputs import Outputs
 from manta_sim_ros.nodes.parameters import declare, set_values
 from manta_sim_ros.nodes.process import run_node
 from manta_sim_ros.nodes.qos import drain, publisher, subscription
 from manta_sim_ros.nodes.refusals import Refusals
 from manta_sim_ros.nodes.robot import Robot
-from manta_sim_ros.nodes.settings import Settings
+from manta_sim_ros.nodes.settings import NodeParameters, Settings
 from manta_sim_ros.nodes.time_control import TimeControl
 
-PACE_WINDOW = 1.0  # s, as all below
+REPORT_PERIOD = 1.0  # s, as all below
+SHORTEST_WINDOW = 0.5  # in which a real-time factor is measured
 PACE_WARNING_PERIOD = 5.0
 CLOCK_WARNING_PERIOD = 10.0
 STEP_WARNING_PERIOD = 10.0
 DIVERGENCE_ERROR_PERIOD = 1.0
 LISTENING_SHARE = 0.1  # of the time of a tick: for callbacks if the next tick is due at once
-LONGEST_WAIT = 1.0  # s
+LONGEST_WAIT = 0.1  # s
 
 
 class SimNode(Node):
@@ -62,18 +65,23 @@ class SimNode(Node):
         self._settings: Settings = declare(self)
         self._robot = Robot(self._settings, self._report_divergence, self.get_logger().warning)
         self._refusals = Refusals(self.get_logger().warning, 'fin_command', 'the previous gait continues')
+        self._parameter_refusals = Refusals(self.get_logger().warning, 'parameters', 'nothing changes')
         self._step_warning, self._step_warning_due = '', -math.inf
         self._body_warned = self._turn_warned = False
-        self._next_tick = math.inf  # steady time [s]
+        self._next_tick = math.inf  # steady time [s], as all that is due
+        self._report_due = time.monotonic() + REPORT_PERIOD
         self._computing = 0.0  # elapsed time in ticks since the last diagnostics [s]
         self._divergences_reported = 0  # in the last diagnostics
 
-        self._outputs = Outputs(self, lambda: self._settings, lambda: self._robot.mean_current)
+        self._leader = LeaderClock(self, self._robot, lambda: self._settings)
+        self._outputs = Outputs(
+            self, lambda: self._settings, lambda: self._robot.mean_current, lambda: self._leader.followed)
         self._diagnostics = publisher(self, '/diagnostics')
         self._commands = subscription(self, 'fin_command', self._take_command)
         self._disturbances = Disturbances(self, self._robot, lambda: self._settings)
         self._time = TimeControl(
-            self, self._robot, lambda: self._settings, self._outputs.publish_all, self._set_pace, self._forget_inputs)
+            self, self._robot, lambda: self._settings, self._leader, self._outputs.publish_all, self._set_pace,
+            self._forget_inputs)
         self.add_on_set_parameters_callback(self._check_parameters)
         self.add_post_set_parameters_callback(self._apply_parameters)
 
@@ -84,9 +92,12 @@ class SimNode(Node):
                 'no transform is published, as tf2_msgs is not installed: install it, or set publish_tf to false')
         compile_kernels(self._settings.model, self.get_logger().info)
         self._warn_of_model()
+        self._leader.begin()
+        default, own = NodeParameters(), self._settings.node
+        for name in ('start_paused', 'real_time_factor'):
+            if self._leader.followed and getattr(own, name) != getattr(default, name):
+                self.get_logger().warning(f'{name} has no effect: {FOLLOWS}')
         self._set_pace()
-        if self._time.paused:  # there is no tick
-            self._outputs.publish(self._robot.state)
 
     def spin(self) -> None:
         """Simulate on the steady clock and run callbacks in between, until the context is shut down.
@@ -96,20 +107,38 @@ class SimNode(Node):
         executor = SingleThreadedExecutor(context=self.context)
         executor.add_node(self)
         while self.context.ok():
-            now = listen_until = time.monotonic()
-            if now >= self._next_tick and not self._time.paused:
-                self._outputs.publish(self._robot.tick())
+            began = listen_until = time.monotonic()
+            if self._time_to_tick(began) <= 0.0:
+                self._tick()
                 done = time.monotonic()
-                self._computing += done - now
+                self._computing += done - began
                 self._next_tick = max(self._next_tick + self._tick_period, done)  # delays are not caught up
-                listen_until = done + LISTENING_SHARE * (done - now)
-                self._report()
-            elif self._time.paused:
-                self._report()
-            wait = LONGEST_WAIT if self._time.paused else self._next_tick - time.monotonic()
-            executor.spin_once(timeout_sec=min(max(0.0, wait), LONGEST_WAIT))
+                listen_until = done + LISTENING_SHARE * (done - began)
+            elif self._time.paused or self._leader.stands_still:
+                self._stand_still()
+            self._report()
+            executor.spin_once(timeout_sec=min(max(0.0, self._time_to_tick(time.monotonic())), LONGEST_WAIT))
             while time.monotonic() < listen_until:
                 executor.spin_once(timeout_sec=0.0)
+
+    def _time_to_tick(self, now: float) -> float:
+        """Return the elapsed time until the next tick is due [s]; infinite while simulated time stands still."""
+        if self._leader.followed:
+            return 0.0 if self._robot.steps_until(self._leader.time) > 0 else math.inf
+        return math.inf if self._time.paused else self._next_tick - now
+
+    def _tick(self) -> None:
+        if not self._leader.followed:
+            self._outputs.publish(self._robot.tick())
+        elif self._robot.follow(self._leader.time):
+            self._outputs.publish(self._robot.state)
+
+    def _stand_still(self) -> None:
+        """Let whoever comes late know time and state."""
+        if self._outputs.lacks(self._robot.state):  # the clock that is followed stopped between two outputs
+            self._outputs.publish(self._robot.state)
+        self._outputs.publish_to_latecomers()
+        self._outputs.repeat_clock()
 
     def _set_pace(self) -> None:
         pace = self._settings.node.pace
@@ -156,9 +185,11 @@ class SimNode(Node):
         self._computing = 0.0
 
     def _report(self) -> None:
-        """Once per window, publish diagnostics, and warn of a machine that is too slow and of a second clock."""
-        if time.monotonic() - self._window_began[0] < PACE_WINDOW:
+        """Once a second, publish diagnostics, and warn of a machine that is too slow and of clocks."""
+        now = time.monotonic()
+        if now < self._report_due:
             return
+        self._report_due = now + REPORT_PERIOD
         health = self._health()
         self._begin_pace_window()
         self._warn_of_model()
@@ -166,7 +197,9 @@ class SimNode(Node):
         self._diagnostics.publish(DiagnosticArray(
             header=messages.header(self._outputs.stamp(self._robot.state), ''),
             status=statuses(self.get_fully_qualified_name(), health)))
-        if not health.keeps_up:
+        if health.clock_trouble:
+            self.get_logger().warning(health.clock_trouble, throttle_duration_sec=CLOCK_WARNING_PERIOD)
+        elif not health.keeps_up:
             self.get_logger().warning(
                 f'real-time factor {health.reached_factor:.2f} instead of {health.wanted_factor:g}: this machine '
                 'cannot keep up, and simulated time is slower',
@@ -179,18 +212,22 @@ class SimNode(Node):
             )
 
     def _health(self) -> Health:
-        model, robot, paused = self._settings.model, self._robot, self._time.paused
+        model, robot, leader = self._settings.model, self._robot, self._leader
+        still = self._time.paused or leader.stands_still
         refusals = {
-            'fin_command': self._refusals, 'set_pose': self._time.refusals, **self._disturbances.refusals}
+            'fin_command': self._refusals, 'parameters': self._parameter_refusals, **self._time.refusals,
+            **self._disturbances.refusals}
         elapsed, simulated = time.monotonic() - self._window_began[0], robot.state.time - self._window_began[1]
         steps = simulated / model.solver.time_step
         power, speed = robot.transport.take()
         body_in_water, links_in_water = immersed_shares(model, robot.state)
         return Health(
-            time=robot.state.time, paused=paused, wanted_factor=self._settings.node.real_time_factor,
-            reached_factor=math.nan if paused else simulated / elapsed,
-            computing=math.nan if paused or not steps else self._computing / steps,
+            time=robot.state.time, paused=still, follows=leader.followed, clock_trouble=leader.trouble,
+            wanted_factor=0.0 if leader.followed else self._settings.node.real_time_factor,
+            reached_factor=math.nan if still or elapsed < SHORTEST_WINDOW else simulated / elapsed,
+            computing=math.nan if still or not steps else self._computing / steps,
             command_age=robot.command_age, timed_out=robot.timed_out,
+            abandoned=robot.flaps and not self.count_publishers(self._commands.topic_name),
             refused={topic: refusals_of.take() for topic, refusals_of in refusals.items()},
             current=np.add(robot.mean_current, robot.state.current_deviation),
             external_wrench=robot.has_external_wrench,
@@ -200,8 +237,21 @@ class SimNode(Node):
             power=power, speed=speed, weight=model.body.mass * model.body.gravity,
         )
 
+    def set_parameters_atomically(self, parameter_list: list[Parameter[Any]]) -> SetParametersResult:
+        """Set parameters as every node does, and count what is refused, whoever refuses it."""
+        try:
+            result = super().set_parameters_atomically(parameter_list)
+        except ParameterNotDeclaredException as error:
+            self._parameter_refusals.count(str(error))
+            raise
+        if not result.successful:
+            self._parameter_refusals.count(result.reason)
+        return result
+
     def _check_parameters(self, parameters: list[Parameter[Any]]) -> SetParametersResult:
         try:
+            if self._leader.followed and any(parameter.name == 'real_time_factor' for parameter in parameters):
+                raise ValueError(f'real_time_factor cannot be set: {FOLLOWS}')
             self._robot.check(set_values(self._settings, parameters))
         except ValueError as error:
             return SetParametersResult(successful=False, reason=str(error))

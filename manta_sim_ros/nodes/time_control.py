@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
+from typing import TypeVar
 
 from geometry_msgs.msg import PoseStamped
 from rclpy.node import Node
@@ -10,10 +11,13 @@ from std_srvs.srv import SetBool, Trigger
 
 from manta_sim_ros.dynamics import State
 from manta_sim_ros.nodes import messages
+from manta_sim_ros.nodes.leader_clock import FOLLOWS, LeaderClock
 from manta_sim_ros.nodes.qos import drain, subscription
 from manta_sim_ros.nodes.refusals import Refusals
 from manta_sim_ros.nodes.robot import Robot
 from manta_sim_ros.nodes.settings import Settings
+
+Response = TypeVar('Response', SetBool.Response, Trigger.Response)
 
 
 class TimeControl:
@@ -27,6 +31,8 @@ class TimeControl:
         The robot on which they act.
     settings
         Returns the present parameters of the node.
+    leader
+        The clock that the node may follow: then pause and step are refused.
     publish
         Publishes the outputs of consecutive states.
     resume
@@ -37,42 +43,57 @@ class TimeControl:
     """
 
     def __init__(
-        self, node: Node, robot: Robot, settings: Callable[[], Settings], publish: Callable[[Iterable[State]], None],
-        resume: Callable[[], None], forget_inputs: Callable[[], None],
+        self, node: Node, robot: Robot, settings: Callable[[], Settings], leader: LeaderClock,
+        publish: Callable[[Iterable[State]], None], resume: Callable[[], None], forget_inputs: Callable[[], None],
     ) -> None:
-        self._robot, self._settings = robot, settings
+        self._robot, self._settings, self._leader = robot, settings, leader
         self._publish, self._resume, self._forget_inputs = publish, resume, forget_inputs
-        self.paused = settings().node.start_paused
-        """Whether simulated time stands still except for steps."""
+        self._paused = settings().node.start_paused
         node.create_service(SetBool, '~/pause', self._pause)
         node.create_service(Trigger, '~/step', self._step)
         node.create_service(Trigger, '~/reset', self._reset)
         self._poses = subscription(node, 'set_pose', self._set_pose)
-        self.refusals = Refusals(node.get_logger().warning, 'set_pose', 'the robot stays where it is')
-        """The refused messages of `set_pose`."""
+        warn = node.get_logger().warning
+        self.refusals = {
+            'set_pose': Refusals(warn, 'set_pose', 'the robot stays where it is'),
+            'service calls': Refusals(warn, 'service calls', 'nothing changes')}
+        """The refused messages of `set_pose`, and the refused calls of services."""
+
+    @property
+    def paused(self) -> bool:
+        """Whether simulated time stands still except for steps; never of a node that follows a clock."""
+        return self._paused and not self._leader.followed
 
     def _pause(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
-        before, self.paused = self.paused, request.data
-        if before and not self.paused:
+        if self._leader.followed:
+            return self._refuse(response, FOLLOWS)
+        before, self._paused = self._paused, request.data
+        if before and not self._paused:
             self._resume()
-        response.success, response.message = True, f'{"paused" if self.paused else "running"} at {self._now}'
+        response.success, response.message = True, f'{"paused" if self._paused else "running"} at {self._now}'
         return response
 
     def _step(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        if self._leader.followed:
+            return self._refuse(response, FOLLOWS)
         if not self.paused:
-            response.message = 'not paused: simulated time is running; first call the service ~/pause with data true'
-            return response
+            return self._refuse(
+                response, 'not paused: simulated time is running; first call the service ~/pause with data true')
         try:
             states = self._robot.ticks(self._settings().node.step_duration)
         except ValueError as error:
-            response.message = str(error)
-            return response
+            return self._refuse(response, str(error))
         before = self._robot.divergences
         self._publish(states)
         response.success = self._robot.divergences == before
         response.message = f'stepped to {self._now}'
         if not response.success:
             response.message += ', but the motion diverged and the robot was put at rest where it was'
+        return response
+
+    def _refuse(self, response: Response, reason: str) -> Response:
+        response.success, response.message = False, reason
+        self.refusals['service calls'].count(reason)
         return response
 
     def _reset(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
@@ -86,10 +107,10 @@ class TimeControl:
         try:
             self._put(self._robot.put(*messages.pose_of(message, self._settings().node.odom_frame)))
         except ValueError as error:
-            self.refusals.add(error)
+            self.refusals['set_pose'].add(error)
 
     def _put(self, state: State) -> None:
-        if self.paused:  # else no output would show it before the next step
+        if self.paused or self._leader.stands_still:  # else no output would show it before the next step
             self._publish([state])
 
     @property

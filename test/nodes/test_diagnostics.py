@@ -1,6 +1,7 @@
 """Diagnostics: what is wrong is said, at its level, in words with the numbers; of a real node, and case by case."""
 
 import dataclasses
+import itertools
 import math
 
 import numpy as np
@@ -17,9 +18,10 @@ from manta_sim_ros.nodes.refusals import Refused
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
 SWIM = [0.7, 0.7, 0.6, 0.6, 0.7, 0.7]
 NONE = Refused(0, 0, '')
+INPUTS = ('fin_command', 'set_pose', 'parameters', 'service calls', 'current', 'body_wrench')
 WELL = Health(
-    time=12.5, paused=False, wanted_factor=1.0, reached_factor=1.0, computing=2.7e-5, command_age=0.1, timed_out=False,
-    refused=dict.fromkeys(('fin_command', 'set_pose', 'current', 'body_wrench'), NONE), current=np.zeros(3),
+    time=12.5, paused=False, follows=False, clock_trouble='', wanted_factor=1.0, reached_factor=1.0, computing=2.7e-5,
+    command_age=0.1, timed_out=False, abandoned=False, refused=dict.fromkeys(INPUTS, NONE), current=np.zeros(3),
     external_wrench=False, diverged_lately=False, finite=True, time_step=0.002, largest_step=0.0049,
     body_in_water=1.0, fins_in_water=1.0, power=6.5, speed=0.33, weight=196.2)
 
@@ -44,7 +46,7 @@ def test_a_robot_that_is_well_is_ok_in_everything():
     assert values == {
         'simulated time [s]': '12.500', 'real-time factor': '1', 'real-time factor asked for': '1',
         'computing time of a step [us]': '27', 'age of the last fin_command [s]': '0.1', 'refused': '0',
-        'set_pose refused': '0',
+        'set_pose refused': '0', 'parameters refused': '0', 'service calls refused': '0',
         'current [m/s]': '0 0 0', 'body_wrench acts': 'false', 'disturbances refused': '0',
         'finite': 'true', 'solver.time_step [s]': '0.002', 'largest stable [s]': '0.0049',
         'mean power of the rods [W]': '6.5', 'mean forward speed [m/s]': '0.33', 'cost of transport': '0.1',
@@ -63,6 +65,9 @@ def test_what_is_not_known_is_a_dash():
 
 @pytest.mark.parametrize(('change', 'matter', 'level', 'words'), [
     ({'paused': True, 'reached_factor': math.nan}, 'pace', OK, 'paused'),
+    ({'paused': True, 'follows': True}, 'pace', OK, 'simulated time stands still, as /clock does'),
+    ({'reached_factor': math.nan}, 'pace', OK, 'simulated time runs'),
+    ({'clock_trouble': 'nobody publishes'}, 'pace', WARN, 'nobody publishes'),
     ({'reached_factor': 0.42}, 'pace', WARN, 'cannot keep up: simulated time runs at 0.42 times real time'),
     ({'reached_factor': 0.96}, 'pace', OK, '0.96 times real time'),
     ({'wanted_factor': 0.0, 'reached_factor': 35.0}, 'pace', OK, '35 times real time'),
@@ -73,6 +78,9 @@ def test_what_is_not_known_is_a_dash():
     (refused('fin_command', 9), 'commands', OK, 'the last fin_command came 0.1 s ago'),
     (refused('set_pose', 2, 2, 'pose.orientation has norm 0'), 'commands', WARN,
      '2 set_pose refused just now: pose.orientation has norm 0'),
+    (refused('parameters', 2, 1, 'fin.span is 0'), 'commands', WARN, '1 parameters refused just now: fin.span is 0'),
+    (refused('service calls', 2, 1, 'not paused'), 'commands', WARN, '1 service calls refused just now: not paused'),
+    ({'abandoned': True}, 'commands', WARN, 'the fins flap, but nobody publishes fin_command any more'),
     ({}, 'disturbances', OK, 'the water is still, no external wrench acts'),
     ({'current': np.array([0.3, 0.0, -0.4])}, 'disturbances', OK,
      'the water flows at 0.5 m/s, no external wrench acts'),
@@ -196,3 +204,40 @@ def test_a_divergence_is_an_error(launch, probe):
     command = Float64MultiArray(data=SWIM)
     assert until_said(node, probe, 'motion', 'diverged', lambda: commands.publish(command)).level == ERROR
     assert until_said(node, probe, 'time step', 'is 0.009 s, but this gait is stable up to about').level == WARN
+
+
+def test_requests_that_were_refused_are_counted_and_commands_that_ended_are_missed(launch, probe):
+    robot = LockstepRobot(launch, probe, 'left', '-r /diagnostics:=/left/diagnostics')
+    robot.node.heard = probe.record(DiagnosticArray, '/left/diagnostics')
+    probe.until(lambda: robot.node.heard, 'diagnostics')
+
+    def counted(name):
+        return int({value.key: value.value for value in robot.node.heard[-1].status[1].values}[f'{name} refused'])
+
+    before = counted('parameters'), counted('service calls')
+    for name, value in (('publish_rate', math.nan), ('water.current', [math.nan] * 3), ('no_such', 1)):
+        assert not robot.set_parameter(name, value).successful
+    assert not robot.trigger('step').success
+    after = before[0] + 3, before[1] + 1
+    probe.until(lambda: (counted('parameters'), counted('service calls')) == after, 'the counts')
+    robot.command(SWIM)
+    probe.listen(1.5)
+    assert 'any more' not in robot.node.heard[-1].status[1].message
+    probe.node.destroy_publisher(robot.commands)
+    assert until_said(robot.node, probe, 'commands', 'nobody publishes fin_command any more').level == WARN
+
+
+def test_diagnostics_come_once_a_second_whatever_is_paused_or_paced_meanwhile(launch, probe):
+    robot = LockstepRobot(launch, probe, 'restless', '-r /diagnostics:=/restless/diagnostics')
+    heard = probe.record(DiagnosticArray, '/restless/diagnostics')
+    probe.until(lambda: heard, 'diagnostics')
+    states = itertools.cycle((True, False))
+    paces = itertools.cycle((1.0, 2.0))
+
+    def change():
+        assert robot.pause(next(states)).success
+        assert robot.set_parameter('real_time_factor', next(paces)).successful
+
+    count = len(heard)
+    probe.until(lambda: len(heard) >= count + 4, 'four more', doing=change, every=0.2)
+    assert not any('nan' in by_matter(message.status)['pace'].message for message in heard[count:])

@@ -22,7 +22,7 @@ def simulator():
 @pytest.fixture
 def outputs(probe):
     settings = Settings()
-    return Outputs(probe.node, lambda: settings, lambda: (0.0, 0.0, 0.0))
+    return Outputs(probe.node, lambda: settings, lambda: (0.0, 0.0, 0.0), lambda: False)
 
 
 def test_nothing_is_made_while_nobody_subscribes(outputs, simulator, probe, monkeypatch):

@@ -9,8 +9,13 @@ import signal
 import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
-from geometry_msgs.msg import PoseStamped
+from geometry_msgs.msg import PoseStamped, TwistStamped, WrenchStamped
+from nav_msgs.msg import Odometry
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import FluidPressure, Imu, JointState
 from std_msgs.msg import Float64MultiArray
+from visualization_msgs.msg import MarkerArray
 
 from evidence.harness.lockstep import LockstepRobot, numbers
 from manta_sim_ros.dynamics import FinCommand, Parameters, Simulator, State
@@ -39,6 +44,11 @@ def held(paused_robot):
     return paused_robot
 
 
+def rises(stamps, began):
+    """Return the stamps that are later than all before: a paused simulator repeats its clock."""
+    return [stamp for before, stamp in itertools.pairwise([began, *stamps]) if stamp != before]
+
+
 def library_numbers(state):
     return [*state.twist.tolist(), *state.wrench.tolist()]
 
@@ -49,17 +59,19 @@ def test_paused_it_stands_still_and_goes_on_from_there(launch, probe):
     answer = robot.pause()
     assert answer.success and re.fullmatch(r'paused at \S+ s of simulated time', answer.message)
     probe.listen(0.5)  # what was under way
-    heard = len(robot.clock)
-    probe.listen(1.0)
-    assert len(robot.clock) == heard
-    stopped = robot.clock.stamps[-1]
+    heard, stopped = len(robot.clock), robot.clock.stamps[-1]
+    outputs = len(robot.odometry)
+    probe.until(lambda: len(robot.clock) >= heard + 3, 'the clock, which is repeated')
+    assert set(robot.clock.stamps[heard:]) == {stopped} and len(robot.odometry) == outputs
+    sent = robot.clock.sent[heard:]
+    assert all(later - earlier > 0.9e9 for earlier, later in itertools.pairwise(sent))
     assert float(answer.message.split()[2]) == pytest.approx(stopped * 1e-9)
     assert robot.pause().success  # once more is as good as once
     assert robot.pause(False).success
     probe.until(lambda: len(robot.clock) > heard + 20, 'the clock')
-    after = robot.clock.stamps[heard - 1:]
+    after = sorted({stopped, *robot.clock.stamps[heard:]})
     assert {later - earlier for earlier, later in zip(after, after[1:])} == {TICK}  # nothing was made up for
-    assert robot.clock.rising and robot.odometry.rising
+    assert robot.clock.stamps == sorted(robot.clock.stamps) and robot.odometry.rising
 
 
 def test_a_step_is_refused_while_time_runs(launch, probe):
@@ -75,8 +87,9 @@ def test_a_step_takes_exactly_its_duration_with_all_outputs_of_it(held, duration
     for _ in range(3):
         began, heard = held.clock.stamps[-1], len(held.clock)
         assert held.step() == began + round(duration * 1e9)
-        assert [stamp - began for stamp in held.clock.stamps[heard:]] == [tick * 1_000_000 for tick in ticks]
-        assert held.odometry.stamps[-len(ticks):] == held.clock.stamps[heard:] == held.wrench.stamps[-len(ticks):]
+        announced = rises(held.clock.stamps[heard:], began)
+        assert [stamp - began for stamp in announced] == [tick * 1_000_000 for tick in ticks]
+        assert held.odometry.stamps[-len(ticks):] == announced == held.wrench.stamps[-len(ticks):]
 
 
 def test_a_long_step_loses_no_message_of_any_topic(held):
@@ -85,7 +98,7 @@ def test_a_long_step_loses_no_message_of_any_topic(held):
     began, end = held.clock.stamps[-1], held.step()
     expected = [began + tick * TICK for tick in range(1, 2001)]
     assert end == expected[-1]
-    assert held.clock.stamps[heard:] == expected
+    assert rises(held.clock.stamps[heard:], began) == expected
     assert held.odometry.stamps[-2000:] == held.wrench.stamps[-2000:] == expected
 
 
@@ -264,3 +277,36 @@ def test_paused_it_ends_with_status_zero(launch, probe, ending):
     probe.until(lambda: ('manta_sim', f'/{name}') in probe.node.get_node_names_and_namespaces(), 'the node')
     node.send(ending)
     assert node.exit_status() == 0
+
+
+def test_who_comes_while_it_is_paused_gets_time_and_state(launch, probe):
+    robot = LockstepRobot(
+        launch, probe, 'early', '-p start_paused:=true -p step_duration:=0.03 -p publish_fin_joints:=true')
+    robot.command(SWIM)
+    end = robot.step()  # between two joint_states
+    before = {topic: len(heard) for topic, heard in (('odom', robot.odometry), ('clock', robot.clock))}
+    kinds = {'pose': PoseStamped, 'twist': TwistStamped, 'odom': Odometry, 'fin_wrench': WrenchStamped,
+             'left_fin/wrench': WrenchStamped, 'right_fin/wrench': WrenchStamped, 'imu/data': Imu,
+             'pressure': FluidPressure, 'joint_states': JointState, 'clock': Clock}
+    late = {topic: probe.record(kind, f'/early/{topic}') for topic, kind in kinds.items()}
+    markers = probe.record(MarkerArray, '/early/fin_markers')
+    probe.until(lambda: all(late.values()) and markers, 'all outputs')
+    assert {topic: set(heard.stamps) for topic, heard in late.items()} == dict.fromkeys(kinds, {end})
+    assert len(late['joint_states'][0].name) == len(late['joint_states'][0].position) > 100
+    assert late['odom'][0] == robot.odometry[-1]
+    probe.until(lambda: len(robot.clock) >= before['clock'] + 3, 'the clock, which goes on')
+    assert len(robot.odometry) == before['odom'] + 1  # who was there gets it once more, and not again and again
+
+
+def test_who_asks_for_what_lasts_gets_it_unless_an_override_says_otherwise(launch, probe):
+    lasting = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+    node = launch('sim_node', '-p start_paused:=true -r __ns:=/lasting -r /clock:=/lasting/clock '
+                              '-p qos_overrides./lasting/twist.publisher.durability:=volatile')
+    heard = []
+    subscriptions = [
+        probe.node.create_subscription(kind, f'/lasting/{topic}', heard.append, lasting)
+        for kind, topic in ((PoseStamped, 'pose'), (TwistStamped, 'twist'))]
+    probe.until(lambda: heard and "topic 'twist'" in node.output, 'the pose, and a warning')
+    assert {type(message) for message in heard} == {PoseStamped} and 'DURABILITY' in node.output
+    for subscription in subscriptions:
+        probe.node.destroy_subscription(subscription)
