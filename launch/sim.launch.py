@@ -3,6 +3,7 @@ from datetime import datetime
 from importlib.util import find_spec
 from os import environ
 from pathlib import Path
+from tempfile import NamedTemporaryFile
 
 import yaml
 from ament_index_python.packages import PackageNotFoundError, get_package_prefix, get_package_share_path
@@ -81,6 +82,8 @@ def processes(context):
     if wanted('robot_state_publisher'):
         overrides['publish_fin_joints'] = True
     simulated_time = {'use_sim_time': True}
+    namespace = make_namespace_absolute(
+        prefix_namespace(context.launch_configurations.get('ros_namespace'), value('namespace')) or '/').rstrip('/')
 
     def node(package, executable, *parameters, **options):
         return Node(package=package, executable=executable, namespace=value('namespace'),
@@ -91,12 +94,11 @@ def processes(context):
         started.append(node('manta_sim_ros', 'gait_node', simulated_time))
     if wanted('robot_state_publisher'):
         started.append(node('robot_state_publisher', 'robot_state_publisher', simulated_time, {
-            'robot_description': urdf(config, value('base_frame')), 'publish_frequency': 100.0}))
+            'robot_description': urdf(config, f'{namespace}/manta_sim', value('base_frame')),
+            'publish_frequency': 100.0}))
     if wanted('rviz'):
         started.append(node('rviz2', 'rviz2', simulated_time, arguments=['-d', value('rviz_config')]))
     if wanted('record'):
-        namespace = make_namespace_absolute(
-            prefix_namespace(context.launch_configurations.get('ros_namespace'), value('namespace')) or '/')
         started.append(recorder(namespace, value('bag')))
     return started
 
@@ -126,28 +128,36 @@ def position(text):
         raise RuntimeError(f'initial_position is {text!r}, but must be three numbers, such as [0, 3, -1]') from None
 
 
-def urdf(config, base_frame):
-    """Return the URDF of the robot that a parameter file describes."""
+def urdf(config, node, base_frame):
+    """Return the URDF of the robot that a parameter file describes, with the parameters that ROS 2 takes for a node."""
     import xacro
 
+    from manta_sim_ros.dynamics import read_sections, values_for
+
+    groups = {}
     path = get_package_share_path('manta_sim_ros') / 'urdf' / 'manta.urdf.xacro'
     try:
-        return xacro.process_file(str(path), mappings={'config': str(config), 'base_frame': base_frame}).toxml()
-    except xacro.XacroException as error:
+        for full_name, value in values_for(node, read_sections(config)).items():
+            group, _, name = full_name.rpartition('.')
+            (groups.setdefault(group, {}) if group else groups)[name] = value
+        with NamedTemporaryFile('w', suffix='.yaml') as file:
+            yaml.safe_dump({'/**': {'ros__parameters': groups}}, file)
+            file.flush()
+            return xacro.process_file(str(path), mappings={'config': file.name, 'base_frame': base_frame}).toxml()
+    except (ValueError, xacro.XacroException) as error:
         raise RuntimeError(f'no robot can be made of {config}: {" ".join(str(error).split())}') from error
 
 
 def recorder(namespace, bag):
     """Return the process that records the topics of the robot in a namespace."""
-    root = namespace.rstrip('/')
-    suffix = root.replace('/', '_')
+    suffix = namespace.replace('/', '_')
     bag = bag or f'rosbag2_{datetime.now():%Y_%m_%d-%H_%M_%S}{suffix}'
     if Path(bag).exists():
         raise RuntimeError(f'bag is {bag!r}, but that exists already')
     return ExecuteProcess(
         cmd=['ros2', 'bag', 'record', '--use-sim-time', '--disable-keyboard-controls', '--storage', 'mcap',
              '--output', bag, '--node-name', f'rosbag2_recorder{suffix}',
-             '--topics', *(topic if topic.startswith('/') else f'{root}/{topic}' for topic in RECORDED)],
+             '--topics', *(topic if topic.startswith('/') else f'{namespace}/{topic}' for topic in RECORDED)],
         output='screen')
 
 

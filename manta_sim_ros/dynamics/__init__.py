@@ -2,8 +2,20 @@
 
 from manta_sim_ros.dynamics.command import REST, SIDES, FinCommand
 from manta_sim_ros.dynamics.load import fin_loads, immersed_shares
+from manta_sim_ros.dynamics.parameter_file import read_sections, values_for
 from manta_sim_ros.dynamics.parameters import MONOLITHIC, SEQUENTIAL, Parameters
-from manta_sim_ros.dynamics.quantity import LARGEST_SEED, FloatArray, ParameterGroup, Quantity, Vector, quantity, shown
+from manta_sim_ros.dynamics.quantity import (
+    LARGEST_SEED,
+    FloatArray,
+    ParameterGroup,
+    Quantity,
+    Vector,
+    cut,
+    quantity,
+    shown,
+    shown_name,
+    shown_names,
+)
 from manta_sim_ros.dynamics.simulator import DivergenceError, Simulator, compile_kernels, fin_dynamics
 from manta_sim_ros.dynamics.stability import (
     ModelWarning,
@@ -19,7 +31,7 @@ from manta_sim_ros.dynamics.surface import fin_surfaces, rod_rates, support_angl
 __all__ = [
     'LARGEST_SEED', 'MONOLITHIC', 'REST', 'SEQUENTIAL', 'SIDES', 'DivergenceError', 'FinCommand', 'FloatArray',
     'ModelWarning', 'ParameterGroup', 'Parameters', 'Quantity', 'Simulator', 'StabilityWarning', 'State', 'Vector',
-    'body_warning', 'compile_kernels', 'fin_dynamics', 'fin_loads', 'fin_surfaces', 'immersed_shares',
-    'largest_stable_step', 'quantity', 'rod_rates', 'shown', 'step_warning', 'support_angles', 'support_rates',
-    'turn_warning',
+    'body_warning', 'compile_kernels', 'cut', 'fin_dynamics', 'fin_loads', 'fin_surfaces', 'immersed_shares',
+    'largest_stable_step', 'quantity', 'read_sections', 'rod_rates', 'shown', 'shown_name', 'shown_names',
+    'step_warning', 'support_angles', 'support_rates', 'turn_warning', 'values_for',
 ]

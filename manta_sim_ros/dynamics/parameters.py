@@ -4,29 +4,28 @@ from __future__ import annotations
 
 import dataclasses
 import difflib
-import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, ClassVar
 
-import yaml
-
+from manta_sim_ros.dynamics.parameter_file import read_sections, values_for
 from manta_sim_ros.dynamics.quantity import (
     LARGEST_SEED,
-    LONGEST_ECHO,
     ParameterGroup,
     Quantity,
     SixVector,
     Vector,
     quantity,
     shown,
+    shown_name,
+    shown_names,
 )
 
 SEQUENTIAL, MONOLITHIC = 'sequential', 'monolithic'
 """The values of `solver.coupling`."""
 
-LARGEST_FILE = 1_000_000
-"""Largest size of a parameter file [characters]: far more than one with a comment on every parameter has."""
+NODE = '/manta_sim'
+"""Full name of the node whose parameters are read from a file."""
 
 NO_WATER: SixVector = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 """Added mass or damping of a body on which the water has no effect."""
@@ -302,51 +301,48 @@ class Parameters:
         known, replaced = self.groups(), {}
         for name, values in groups.items():
             if name not in known:
-                raise ValueError(f'{name[:LONGEST_ECHO]} is no group of parameters; the groups are {", ".join(known)}')
+                raise ValueError(f'{shown_name(name)} is no group of parameters; the groups are {", ".join(known)}')
             if not isinstance(values, Mapping):
                 raise ValueError(f'{name} is {shown(values)}, but must be a group of named values')
             for key in values:
                 if key not in known[name].quantities():
                     raise ValueError(
-                        f'{name}.{str(key)[:LONGEST_ECHO]} is no parameter; '
+                        f'{name}.{shown_name(key)} is no parameter; '
                         f'{name} has {", ".join(known[name].quantities())}')
             replaced[name] = dataclasses.replace(getattr(self, name), **values)
         return dataclasses.replace(self, **replaced)
 
     @classmethod
     def from_yaml(cls, path: str | Path) -> Parameters:
-        """Read a ROS 2 parameter file: the groups below `/**: ros__parameters:`; what is left out keeps its default.
+        """Read the parameters that a ROS 2 parameter file has for the node `/manta_sim`.
 
-        Groups with other names, and single values beside the groups, belong to a node and are left to it.
+        Those are the groups below `/**: ros__parameters:` or below the name of the node; of two sections, the later one
+        wins, as in ROS 2. What is left out keeps its default. Groups with other names, and single values beside the
+        groups, belong to a node and are left to it.
 
         Raises
         ------
         ValueError
-            The file is not such a file, a name is unknown, a group's name is nearly that of one of these groups, or a
-            value is invalid. Begins with the path.
+            The file is not such a file or has nothing for this node, a name is unknown or stands twice, a group's name
+            is nearly that of one of these groups, or a value is invalid. Begins with the path.
         OSError
             The file cannot be read.
 
         """
+        sections = read_sections(path)
+        if not any(section.applies_to(NODE) for section in sections):
+            others = f'; it has only {shown_names(section.node for section in sections)}' if sections else ''
+            raise ValueError(f"{path}: has no '/**:' or '{NODE}:' with 'ros__parameters:' below it{others}")
+        groups: dict[str, dict[str, Any]] = {}
         try:
-            with Path(path).open(encoding='utf-8') as file:
-                text = file.read(LARGEST_FILE + 1)
-            if len(text) > LARGEST_FILE:
-                raise ValueError(f'has more than {LARGEST_FILE} characters, the largest size of a parameter file')
-            content = yaml.load(text, Loader=_ParameterLoader)
-            if not isinstance(content, Mapping) or not isinstance(content.get('/**'), Mapping):
-                raise ValueError("has no '/**:' with 'ros__parameters:' below it")
-            listed = content['/**'].get('ros__parameters')
-            if not isinstance(listed, Mapping):
-                raise ValueError("has no 'ros__parameters:' below '/**:'")
-            grouped = _grouped(listed)
-            return cls().replace(**{
-                name: value for name, value in grouped.items()
-                if name in cls.groups() or isinstance(value, Mapping) and _is_misspelled(name, cls.groups())
-            })
-        except RecursionError as error:
-            raise ValueError(f'{path}: is nested too deeply for a parameter file') from error
-        except (ValueError, yaml.YAMLError) as error:
+            for full_name, value in values_for(NODE, sections).items():
+                group, dot, name = full_name.partition('.')
+                if group in cls.groups() and not dot:
+                    raise ValueError(f'{group} is {shown(value)}, but must be a group of named values')
+                if dot and (group in cls.groups() or _is_misspelled(group, cls.groups())):
+                    groups.setdefault(group, {})[name] = value
+            return cls().replace(**groups)
+        except ValueError as error:
             raise ValueError(f'{path}: {error}') from error
 
 
@@ -356,47 +352,5 @@ def check_parameters(parameters: Parameters) -> None:
         raise ValueError(f'parameters is {shown(parameters)}, but must be Parameters')
 
 
-def _grouped(listed: Mapping[Any, Any]) -> dict[str, Any]:
-    """Return listed parameters with `fin.chains: 8` as `fin: {chains: 8}`, which ROS 2 takes for the same."""
-    grouped: dict[str, Any] = {}
-    for name, value in listed.items():
-        first, dot, rest = str(name).partition('.')
-        values = {rest: value} if dot else value
-        if isinstance(values, Mapping) and isinstance(grouped.get(first), Mapping):
-            for twice in set(values) & set(grouped[first]):
-                raise ValueError(f'{shown(f"{first}.{twice}")} stands twice')
-            values = {**grouped[first], **values}
-        grouped[first] = values
-    return grouped
-
-
 def _is_misspelled(name: str, groups: Mapping[str, object]) -> bool:
     return bool(difflib.get_close_matches(name, groups, n=1))
-
-
-class _ParameterLoader(yaml.SafeLoader):
-    """Reads numbers as ROS 2 does: 1e8 is one (YAML 1.1, PyYAML's, wants 1.0e+8).
-
-    Aliases are refused as ROS 2 refuses them, since few of them make an endless file, and so are repeated keys.
-    """
-
-    def compose_node(self, parent: Any, index: Any) -> Any:
-        if self.check_event(yaml.AliasEvent):
-            event: Any = self.get_event()  # type: ignore[no-untyped-call]
-            raise yaml.composer.ComposerError(None, None, 'aliases are not allowed', event.start_mark)
-        return super().compose_node(parent, index)
-
-    def construct_mapping(self, node: Any, deep: bool = False) -> Any:
-        seen = set()
-        for key, _ in node.value if isinstance(node, yaml.MappingNode) else ():
-            if isinstance(key, yaml.ScalarNode):
-                if key.value in seen:
-                    raise yaml.constructor.ConstructorError(
-                        None, None, f'{shown(key.value)} stands twice in the same group', key.start_mark)
-                seen.add(key.value)
-        return super().construct_mapping(node, deep=deep)
-
-
-_ParameterLoader.add_implicit_resolver(
-    'tag:yaml.org,2002:float', re.compile(r'[-+]?(\d+(\.\d*)?|\.\d+)[eE][-+]?\d+$'), list('-+.0123456789'),
-)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 import numbers
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any, ClassVar
 
 import numpy as np
@@ -32,7 +32,22 @@ def shown(value: object) -> str:
         text = repr(value)
     except Exception:  # a whole number of thousands of digits, for example
         text = f'of the type {type(value).__name__}'
-    return text if len(text) <= LONGEST_ECHO else f'{text[:LONGEST_ECHO - 3]}...'
+    return cut(text)
+
+
+def shown_name(name: object) -> str:
+    """Return a name from outside as a message shows it: as `shown`, without quotation marks."""
+    return cut(repr(str(name))[1:-1])
+
+
+def shown_names(names: Iterable[object]) -> str:
+    """Return names from outside as a message lists them, cut to `LONGEST_ECHO` characters together."""
+    return cut(', '.join(map(shown_name, names)))
+
+
+def cut(text: str, longest: int = LONGEST_ECHO) -> str:
+    """Return a text cut to so many characters."""
+    return text if len(text) <= longest else f'{text[:longest - 3]}...'
 
 
 def real_array(name: str, values: Any) -> FloatArray:

@@ -58,8 +58,9 @@ def test_a_path_may_be_a_text(tmp_path):
 @pytest.mark.parametrize(('text', 'reason'), [
     ('', "no '/\\*\\*:'"),
     ('just a text', "no '/\\*\\*:'"),
-    ('water: {density: 1000.0}', "no '/\\*\\*:'"),
-    ('/manta_sim:\n  ros__parameters: {}', "no '/\\*\\*:'"),
+    ('water: {density: 1000.0}', "no 'ros__parameters:' above 'density', line 1"),
+    ('water: 1000.0', "no '/\\*\\*:' .* but 'water', line 1"),
+    ('/other:\n  ros__parameters: {}', "no '/\\*\\*:' or '/manta_sim:' .*; it has only /other"),
     ('/**:', "no '/\\*\\*:'"),
     ('/**: {water: {density: 1000.0}}', "no 'ros__parameters:'"),
     ('/**: {ros__parameters: }', "no 'ros__parameters:'"),
@@ -110,12 +111,35 @@ def test_names_with_dots_are_those_of_the_groups(read):
     ('/**:\n  ros__parameters: {}\n/**:\n  ros__parameters: {}', r"'/\*\*' stands twice.*line 3"),
     (below('a: &a [x, x, x]', 'b: &b [*a, *a, *a]', 'fin: {chains: *b}'), 'aliases are not allowed.*line 4'),
     (below(f'fin: {"[" * 5000}'), 'nested too deeply|while parsing'),
-    (below('water: {? [1, 2] : 3}'), 'unhashable'),
+    (below('water: {? [1, 2] : 3}'), 'a name must be a text, not a list or a group, line 3'),
+    (below('water: {current: [{x: 0.1}]}'), 'a list must not have groups in it, line 3'),
+    (below(f'water: {"x" * 100_000}'), "water is 'xxx"),
+    (below(f'water: {{? {"x" * 100_000} : 1.0}}'), 'water.xxx'),
+    (below(*2 * [f'? {"x" * 100_000}\n    : 1.0']), "'xxx.* stands twice.*, line 5"),
+    (f'? /{"x" * 100_000}\n: {{ros__parameters: {{}}}}', 'it has only /xxx'),
+    (below(f'water: !{"x" * 100_000}!x 1.0'), 'undefined tag'),
     (below('# ' + 'x' * 2_000_000), 'more than 1000000 characters'),
 ], ids=['a group twice', 'a name twice', 'with and without a dot', 'unknown', 'a node twice', 'aliases', 'deep',
-        'a list as a name', 'large'])
+        'a list as a name', 'a group in a list', 'long value', 'long name', 'long name twice', 'long section',
+        'long tag', 'large'])
 def test_a_file_that_ros_would_read_otherwise_or_that_never_ends_is_refused(read, text, reason):
     with pytest.raises(ValueError) as refusal:
         read(text)
     assert 'parameters.yaml: ' in str(refusal.value)
     assert re.search(reason, str(refusal.value), flags=re.DOTALL) and len(str(refusal.value)) < 1000
+
+
+@pytest.mark.parametrize(('section', 'applies'), [
+    ('/**', True), ('/*', True), ('/manta_sim', True), ('manta_sim', True), ('/**/manta_sim', True),
+    ('/*/manta_sim', False), ('/manta', False), ('/manta_simulator', False), ('/m1/manta_sim', False), ('/m1/*', False),
+])
+def test_a_section_is_taken_if_its_pattern_is_that_of_the_node(read, section, applies):
+    text = f'{section}: {{ros__parameters: {{fin: {{chains: 12}}}}}}\n/**: {{ros__parameters: {{fin: {{links: 5}}}}}}'
+    assert read(text if section != '/**' else text.partition('\n')[0]).fin.chains == (12 if applies else 30)
+
+
+def test_of_two_sections_the_later_one_wins(read):
+    for_any = '/**: {ros__parameters: {fin: {chains: 12, links: 5}}}'
+    for_one = '/manta_sim: {ros__parameters: {fin.chains: 13}}'
+    assert read(f'{for_any}\n{for_one}') == Parameters().replace(fin={'chains': 13, 'links': 5})
+    assert read(f'{for_one}\n{for_any}') == Parameters().replace(fin={'chains': 12, 'links': 5})
