@@ -11,10 +11,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from manta_sim_ros.dynamics import DivergenceError, FinCommand, FloatArray, Simulator, State
-from manta_sim_ros.nodes.settings import Settings
+from manta_sim_ros.nodes.settings import ROUNDING, Settings, whole_steps
 from manta_sim_ros.nodes.transport import Transport
-
-ROUNDING = 1e-6  # tolerance of a number of steps: far above its rounding errors and far below one step
 
 
 class Robot:
@@ -174,12 +172,7 @@ class Robot:
             `duration` is not a whole number of time steps.
 
         """
-        steps = round(duration / self._time_step)
-        if steps < 1 or abs(steps - duration / self._time_step) > ROUNDING:
-            raise ValueError(
-                f'step_duration is {duration:g} s, but must be a whole number of time steps, and solver.time_step is '
-                f'{self._time_step:g} s')
-        return self._states(steps)
+        return self._states(whole_steps(duration, self._time_step))
 
     def _states(self, steps: int) -> Iterator[State]:
         self._steps_due = 0.0

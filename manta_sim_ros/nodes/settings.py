@@ -16,6 +16,27 @@ HIGHEST_RATE_TOLERANCE = 1e-9
 """Share by which `publish_rate` may be above one output per time step: rounding."""
 
 
+ROUNDING = 1e-6
+"""Tolerance of a number of steps: far above its rounding errors and far below one step."""
+
+
+def whole_steps(duration: float, time_step: float) -> int:
+    """Return the number of time steps [s] in a `step_duration` [s].
+
+    Raises
+    ------
+    ValueError
+        It is not a whole number.
+
+    """
+    steps = round(duration / time_step)
+    if steps < 1 or abs(steps - duration / time_step) > ROUNDING:
+        raise ValueError(
+            f'step_duration is {duration} s, but must be a whole number of time steps, and solver.time_step is '
+            f'{time_step} s')
+    return steps
+
+
 @dataclasses.dataclass(frozen=True)
 class NodeParameters(ParameterGroup):
     """The parameters of the node itself."""
@@ -156,4 +177,7 @@ class Settings:
             groups.setdefault(group or 'node', {})[name] = value
         model = self.model.replace(**{name: groups.pop(name) for name in self.model.groups() if name in groups})
         others = {name: dataclasses.replace(getattr(self, name), **values) for name, values in groups.items()}
-        return dataclasses.replace(self, model=model, **others)
+        replaced = dataclasses.replace(self, model=model, **others)
+        if 'step_duration' in groups.get('node', {}):  # the default need not fit any time step
+            whole_steps(replaced.node.step_duration, model.solver.time_step)
+        return replaced

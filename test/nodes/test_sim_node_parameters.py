@@ -59,6 +59,9 @@ INVALID_STARTS = {  # ROS arguments, and what the one line must say
         ['body.quadratic_damping[5]', '-1.0', 'from 0 to 1e+06 N s^2/m^2, N m s^2']),
     'text for a switch': ('-p publish_clock:=often', ['publish_clock', 'often', 'true or false']),
     'rate above one a step': ('-p publish_rate:=501.0', ['publish_rate', '501', 'at most 500', 'time_step']),
+    'step of no whole number': ('-p step_duration:=0.0033', ['step_duration', '0.0033', 'whole number', '0.002 s']),
+    'step that does not fit the time step': (
+        '-p step_duration:=0.01 -p solver.time_step:=0.003', ['step_duration', '0.01', 'whole number', '0.003 s']),
     'support that cannot close': ('-p rods.support_length:=0.04', ['rods.support_length', '0.04', 'greater', '0.05']),
     'equal frames': ('-p odom_frame:=base_link', ['base_frame', 'base_link', 'differ', 'odom_frame']),
     'empty frame': ('-p "odom_frame:=\'\'"', ['odom_frame', "''", 'not empty']),

@@ -102,14 +102,26 @@ def test_a_long_step_loses_no_message_of_any_topic(held):
     assert held.odometry.stamps[-2000:] == held.wrench.stamps[-2000:] == expected
 
 
-def test_a_step_of_no_whole_number_of_time_steps_is_refused(held):
-    assert held.set_parameter('step_duration', 0.005).successful
-    answer = held.trigger('step')
-    assert not answer.success
-    assert answer.message == ('step_duration is 0.005 s, but must be a whole number of time steps, and '
-                              'solver.time_step is 0.002 s')
+def test_a_step_of_no_whole_number_of_time_steps_is_refused_when_it_is_set(held):
+    for duration in (0.0033, 0.005, 0.0001):
+        refused = held.set_parameter('step_duration', duration)
+        assert not refused.successful
+        assert refused.reason == (f'step_duration is {duration} s, but must be a whole number of time steps, and '
+                                  'solver.time_step is 0.002 s')
     refused = held.set_parameter('step_duration', -1.0)
     assert not refused.successful and 'step_duration' in refused.reason
+    assert held.trigger('step').success  # with the one before
+
+
+def test_a_default_step_that_does_not_fit_the_time_step_is_refused_only_when_it_is_used(launch, probe):
+    robot = LockstepRobot(launch, probe, 'unfit', '-p start_paused:=true -p solver.time_step:=0.003')
+    answer = robot.trigger('step')
+    assert not answer.success and answer.message == (
+        'step_duration is 0.01 s, but must be a whole number of time steps, and solver.time_step is 0.003 s')
+    assert robot.set_parameter('water.density', 1000.0).successful
+    assert not robot.set_parameter('step_duration', 0.01).successful
+    assert robot.set_parameter('step_duration', 0.009).successful
+    assert robot.trigger('step').success
 
 
 def test_in_lockstep_it_is_the_library_bit_for_bit(held):
