@@ -24,7 +24,7 @@ from geometry_msgs.msg import (
 from nav_msgs.msg import Odometry
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import FluidPressure, Imu, JointState
-from std_msgs.msg import Header
+from std_msgs.msg import Float64MultiArray, Header
 
 from manta_sim_ros import sensors
 from manta_sim_ros.dynamics import (
@@ -190,6 +190,28 @@ def fin_commands(values: Sequence[float]) -> tuple[FinCommand, FinCommand]:
     return commands[0], commands[1]
 
 
+def commands_of(message: Float64MultiArray) -> tuple[FinCommand, FinCommand]:
+    """Return the left and right command of a `fin_command` message.
+
+    Raises
+    ------
+    ValueError
+        The layout does not say that the values stand one after the other, or as `fin_commands`.
+
+    """
+    count, layout = len(message.data), message.layout
+    if layout.data_offset != 0:
+        raise ValueError(f'layout.data_offset is {layout.data_offset}, but must be 0')
+    if len(layout.dim) > 1:
+        raise ValueError(f'layout.dim has {len(layout.dim)} dimensions, but must have one or none')
+    for dimension in layout.dim:
+        if dimension.size != count:
+            raise ValueError(f'layout.dim[0].size is {dimension.size}, but must be the number of values, {count}')
+        if dimension.stride not in (0, 1, count):  # not given, between values, and as defined: of the whole dimension
+            raise ValueError(f'layout.dim[0].stride is {dimension.stride}, but must be the number of values, {count}')
+    return fin_commands(message.data)
+
+
 def pose_of(message: PoseStamped, odom_frame: str) -> tuple[list[float], list[float]]:
     """Return position [m] and orientation (x, y, z, w) of a pose of the body in the world.
 
@@ -243,7 +265,7 @@ def wrench_of(message: WrenchStamped, base_frame: str, odom_frame: str) -> tuple
 def _check_frame(given: Header, *frames: str) -> None:
     if given.frame_id not in frames:
         raise ValueError(
-            f'header.frame_id is {shown(given.frame_id)}, but must be {" or ".join(repr(frame) for frame in frames)}')
+            f'header.frame_id is {shown(given.frame_id)}, but must be {" or ".join(map(shown, frames))}')
 
 
 def _checked(name: str, vector: Point | Vector3, largest: float, unit: str) -> list[float]:

@@ -148,7 +148,7 @@ class SimNode(Node):
 
     def _take_command(self, message: Float64MultiArray) -> None:
         try:
-            left, right = messages.fin_commands(message.data)
+            left, right = messages.commands_of(message)
             self._robot.command(left, right)
         except ValueError as error:
             self._refusals.add(error)

@@ -11,7 +11,7 @@ from geometry_msgs.msg import PoseStamped, TwistStamped, Vector3, Vector3Stamped
 from nav_msgs.msg import Odometry
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
-from std_msgs.msg import Float64MultiArray
+from std_msgs.msg import Float64MultiArray, MultiArrayDimension, MultiArrayLayout
 
 from evidence.scenarios import SWIM, TURN, sized
 from manta_sim_ros.dynamics import FinCommand, Parameters, Simulator, State, fin_surfaces
@@ -104,6 +104,34 @@ def test_ten_values_have_the_biases_after_these():
     left, right = messages.fin_commands(Float64MultiArray(data=TEN).data)
     assert left == FinCommand(amplitude=0.1, frequency=0.3, phase=0.5, front_bias=0.07, rear_bias=0.09)
     assert right == FinCommand(amplitude=0.2, frequency=0.4, phase=0.6, front_bias=-0.08, rear_bias=-0.11)
+
+
+def layout(*sizes_and_strides, offset=0):
+    return MultiArrayLayout(
+        dim=[MultiArrayDimension(label='any', size=size, stride=stride) for size, stride in sizes_and_strides],
+        data_offset=offset)
+
+
+@pytest.mark.parametrize('values', [SIX, TEN])
+def test_a_flat_layout_may_be_left_out_or_given(values):
+    count = len(values)
+    for given in (layout(), layout((count, count)), layout((count, 0)), layout((count, 1))):
+        message = Float64MultiArray(layout=given, data=values)
+        assert messages.commands_of(message) == messages.fin_commands(values)
+
+
+@pytest.mark.parametrize(('given', 'reason'), [
+    (layout(offset=4), 'data_offset is 4, but must be 0'),
+    (layout((6, 6), offset=2**32 - 1), 'data_offset is 4294967295, but must be 0'),
+    (layout((10, 10)), r'dim\[0\].size is 10, but must be the number of values, 6'),
+    (layout((0, 0)), r'dim\[0\].size is 0, but must be the number of values, 6'),
+    (layout((6, 2)), r'dim\[0\].stride is 2, but must be the number of values, 6'),
+    (layout((2, 6), (3, 3)), 'dim has 2 dimensions, but must have one or none'),
+    (layout(*1000 * [(1, 1)]), 'dim has 1000 dimensions, but must have one or none'),
+])
+def test_a_layout_that_is_not_flat_is_refused(given, reason):
+    with pytest.raises(ValueError, match=f'^layout.{reason}$'):
+        messages.commands_of(Float64MultiArray(layout=given, data=SIX))
 
 
 @pytest.mark.parametrize('length', [0, 1, 5, 7, 8, 9, 11, 1000])

@@ -8,11 +8,12 @@ import time
 import pytest
 from geometry_msgs.msg import WrenchStamped
 from nav_msgs.msg import Odometry
-from std_msgs.msg import Float64MultiArray
+from std_msgs.msg import Float64MultiArray, MultiArrayDimension, MultiArrayLayout
 
 from manta_sim_ros.dynamics import FinCommand, Parameters, Simulator
 
 STRAIGHT = [0.7, 0.7, 0.6, 0.6, 0.7, 0.7]
+TURNING = [0.5, 0.2, 0.8, 0.8, 0.6, -0.3]
 BIASED = [0.4, 0.5, 0.6, 0.7, 0.3, -0.2, 0.05, -0.06, 0.07, 0.08]
 SLOTS = ['left amplitude', 'right amplitude', 'left frequency', 'right frequency', 'left phase', 'right phase',
          'left front_bias', 'right front_bias', 'left rear_bias', 'right rear_bias']
@@ -31,6 +32,9 @@ REFUSED = {
     'right that cannot close': ([0.7, 1.5, 0.6, 0.6, 0.7, 3.0], ['right amplitude 1.5', 'phase 3', 'below 1.68']),
     'biases that cannot close': ([*STRAIGHT, 1.2, 0.0, -1.2, 0.0], ['left', 'biases 1.2, -1.2', 'below 1.68']),
 }
+
+
+NOT_FLAT = MultiArrayLayout(dim=[MultiArrayDimension(size=3, stride=6), MultiArrayDimension(size=2, stride=2)])
 
 
 def heading(message):
@@ -76,8 +80,8 @@ class Robot:
         self._commands = probe.node.create_publisher(Float64MultiArray, f'/{name}/fin_command', 10)
         probe.until(lambda: self.odometry and self.wrench, f'odometry of {name}')
 
-    def command(self, values):
-        self._commands.publish(Float64MultiArray(data=values))
+    def command(self, values, layout=None):
+        self._commands.publish(Float64MultiArray(data=values, layout=layout or MultiArrayLayout()))
 
     def command_until(self, values, condition, what):
         """Command it again and again, which is as good as once, until something happens."""
@@ -94,6 +98,12 @@ def swimmer(module_launch, probe):
     robot.command_until(STRAIGHT, lambda: robot.latest().twist.twist.linear.x, 'motion')
     robot.twin = Twin(robot.odometry, STRAIGHT)
     return robot
+
+
+def test_values_in_another_order_are_refused(swimmer, probe):
+    probe.until(lambda: 'layout.dim has 2 dimensions' in swimmer.node.output, 'a warning',
+                doing=lambda: swimmer.command(TURNING, NOT_FLAT))
+    assert swimmer.twin.check()
 
 
 @pytest.mark.parametrize(('values', 'words'), REFUSED.values(), ids=REFUSED)
