@@ -1,6 +1,6 @@
 """Start two robots in one world, manta_1 and manta_2: one clock, one tree of frames, a gait each."""
 from launch import LaunchDescription
-from launch.actions import DeclareLaunchArgument, GroupAction, IncludeLaunchDescription
+from launch.actions import DeclareLaunchArgument, GroupAction, IncludeLaunchDescription, OpaqueFunction
 from launch.conditions import IfCondition
 from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
 from launch_ros.actions import Node
@@ -9,6 +9,7 @@ from launch_ros.substitutions import FindPackageShare
 BOOLEANS = ['true', 'false', 'True', 'False']
 SHARE = FindPackageShare('manta_sim_ros')
 PASSED_ON = ('config', 'real_time_factor', 'record')
+SET_HERE = ('namespace', 'publish_clock', 'odom_frame', 'base_frame', 'rviz_config', 'robot_state_publisher', 'bag')
 STRAIGHT = {'durations': [20.0], 'right_amplitude_degrees': [40.0]}
 LEFT_CIRCLE = {'durations': [20.0], 'left_amplitude_degrees': [20.0], 'right_amplitude_degrees': [40.0]}
 APART = '[0.0, 3.0, 0.0]'  # to the left
@@ -17,6 +18,7 @@ APART = '[0.0, 3.0, 0.0]'  # to the left
 def generate_launch_description():
     rviz = LaunchConfiguration('rviz')
     return LaunchDescription([
+        OpaqueFunction(function=refuse_what_is_set_here),
         DeclareLaunchArgument('config', default_value=PathJoinSubstitution([SHARE, 'config', 'manta.yaml']),
                               description='parameter file of both simulators'),
         DeclareLaunchArgument('gait', default_value='true', choices=BOOLEANS,
@@ -33,6 +35,14 @@ def generate_launch_description():
         controller('manta_1', STRAIGHT),
         controller('manta_2', LEFT_CIRCLE),
     ])
+
+
+def refuse_what_is_set_here(context):
+    """Raise an error, before anything is started, if an argument is given that each robot has its own value of."""
+    for name in SET_HERE:
+        if name in context.launch_configurations:
+            raise RuntimeError(f'{name} is {context.launch_configurations[name]!r}, but two_mantas.launch.py sets it '
+                               'for each robot: start sim.launch.py once for each, or leave it out')
 
 
 def robot(name, **arguments):

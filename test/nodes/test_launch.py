@@ -4,6 +4,7 @@ The second half really launches them, with packages that hold nothing but progra
 It needs launch_ros, of which there are no wheels.
 """
 
+import ast
 import json
 import os
 import re
@@ -178,6 +179,18 @@ def test_rviz_comes_with_the_frames_of_the_robot_that_the_parameter_file_describ
 
 
 @needs_launch
+def test_the_frames_are_those_of_the_parameters_that_the_node_takes(launched, tmp_path):
+    (tmp_path / 'my.yaml').write_text(
+        '/**: {ros__parameters: {body: {mass: 33.0}, base_frame: base}}\n'
+        '/m1/manta_sim: {ros__parameters: {body.mass: 34.0}}\n'
+        '/manta_sim: {ros__parameters: {body: {mass: 35.0}}}')
+    (publisher, _), _, _ = launched(
+        SIM, 'config:=my.yaml gait:=false robot_state_publisher:=true namespace:=m1', expected=2)
+    assert '<mass value="34.0"/>' in publisher.parameters['robot_description']
+    assert '<link name="base"/>' in publisher.parameters['robot_description']
+
+
+@needs_launch
 def test_a_recording_is_of_all_topics_in_the_namespace_stamped_with_simulated_time(launched, tmp_path):
     (bag, _), _, _ = launched(SIM, 'gait:=false record:=true bag:=mine namespace:=m1', expected=2)
     assert bag.words[:2] == ['bag', 'record']
@@ -243,12 +256,29 @@ def test_two_mantas_share_clock_and_world_and_have_gaits_and_frames_of_their_own
 @needs_launch
 def test_arguments_of_one_robot_pass_through_the_launch_file_of_two(launched):
     programs, _, _ = launched(
-        TWO, 'gait:=false initial_yaw:=1 sensor_seed:=7 initial_position:="[0, 9, 0]" namespace:=m', expected=2)
+        TWO, 'gait:=false initial_yaw:=1 sensor_seed:=7 initial_position:="[0, 9, 0]"', expected=2)
     one, two = (each.parameters for each in programs)
-    assert [each.namespace for each in programs] == ['/manta_1', '/manta_2']  # what it sets itself stays
+    assert [each.namespace for each in programs] == ['/manta_1', '/manta_2']
     assert one['initial_yaw'] == two['initial_yaw'] == 1.0
     assert one['imu.seed'] == 7 != two['imu.seed']
     assert one['initial_position'] == [0.0, 9.0, 0.0] != two['initial_position']
+
+
+def test_what_two_mantas_sets_for_each_robot_is_what_it_refuses():
+    tree = ast.parse((ROOT / 'launch' / TWO).read_text(encoding='utf-8'))
+    (refused,) = (ast.literal_eval(node.value) for node in tree.body
+                  if isinstance(node, ast.Assign) and node.targets[0].id == 'SET_HERE')
+    assert set(refused) == set(launch_arguments(SIM)) - set(two_mantas())
+
+
+@needs_launch
+@pytest.mark.parametrize('argument', ['namespace:=m', 'base_frame:=base', 'publish_clock:=true', 'bag:=mine'])
+def test_an_argument_that_two_mantas_sets_for_each_robot_ends_the_launch_with_one_line(launched, argument):
+    programs, status, output = launched(TWO, argument)
+    assert programs == [] and status != 0
+    line, = (line for line in output.splitlines() if 'Caught exception in launch' in line)
+    name, value = argument.split(':=')
+    assert f"{name} is '{value}', but two_mantas.launch.py sets it for each robot" in line
 
 
 @needs_launch
