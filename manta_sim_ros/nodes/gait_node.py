@@ -8,11 +8,11 @@ from __future__ import annotations
 import math
 
 import rclpy
-from rclpy.node import Node
 from std_msgs.msg import Float64MultiArray
 
+from manta_sim_ros.dynamics import shown
 from manta_sim_ros.nodes.messages import fin_commands
-from manta_sim_ros.nodes.parameters import declare_value
+from manta_sim_ros.nodes.parameters import ParameterNode, declare_value
 from manta_sim_ros.nodes.process import run_node
 from manta_sim_ros.nodes.qos import publisher
 
@@ -41,7 +41,7 @@ def gait_at(elapsed: float, durations: list[float], repeat: bool) -> int:
     return len(durations) - 1
 
 
-class GaitNode(Node):
+class GaitNode(ParameterNode):
     """Publishes the present gait periodically, so that a simulator that starts later receives it, too.
 
     Raises
@@ -52,10 +52,10 @@ class GaitNode(Node):
     """
 
     def __init__(self) -> None:
-        super().__init__('manta_gait', automatically_declare_parameters_from_overrides=True)
+        super().__init__('manta_gait')
         self._durations = declare_value(self, 'durations', [15.0, 15.0], 'duration of each gait [s]')
         if not self._durations or not all(0.0 < duration < math.inf for duration in self._durations):
-            raise ValueError(f'durations are {self._durations}, but must be at least one, each greater than 0 s')
+            raise ValueError(f'durations are {shown(self._durations)}, but must be at least one, each greater than 0 s')
         self._repeat = declare_value(self, 'repeat', True, 'start again after the last gait; else the last one stays')
         rate = declare_value(self, 'publish_rate', 10.0, 'rate of fin_command [Hz]')
         if not 0.1 <= rate <= 200.0:
@@ -64,6 +64,7 @@ class GaitNode(Node):
         self._began: float | None = None
         self._publisher = publisher(self, 'fin_command')
         self._timer = self.create_timer(1.0 / rate, self._publish)
+        self.warn_of_unknown_parameters()
 
     def _gaits(self) -> list[list[float]]:
         """Return the data of a fin_command message for each gait."""

@@ -10,12 +10,11 @@ from geometry_msgs.msg import Quaternion
 from nav_msgs.msg import Odometry
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
-from rclpy.node import Node
 from scipy.spatial.transform import Rotation
 from sensor_msgs.msg import JointState
 
 from manta_sim_ros.nodes.messages import rod_power_of
-from manta_sim_ros.nodes.parameters import declare_value
+from manta_sim_ros.nodes.parameters import ParameterNode, declare_value
 from manta_sim_ros.nodes.process import run_node
 from manta_sim_ros.nodes.qos import subscription
 from manta_sim_ros.nodes.transport import energy_per_distance
@@ -47,7 +46,7 @@ def cell(value: float, width: int, digits: int) -> str:
     return ('-' if math.isnan(value) else f'{round(value, digits) + 0.0:.{digits}f}').rjust(width)  # no negative zero
 
 
-class MonitorNode(Node):
+class MonitorNode(ParameterNode):
     """Prints time, heading, depth, real-time factor, and means of the last second: speed, power, energy per distance.
 
     The power is that of the motors of the rods into the fins, from the efforts and velocities of `joint_states`. A dash
@@ -61,7 +60,7 @@ class MonitorNode(Node):
     """
 
     def __init__(self) -> None:
-        super().__init__('manta_monitor', automatically_declare_parameters_from_overrides=True)
+        super().__init__('manta_monitor')
         self._duration: float = declare_value(
             self, 'duration', 0.0, 'elapsed time after the first message at which the node ends [s]; 0 for never')
         if not 0.0 <= self._duration < math.inf:
@@ -75,6 +74,7 @@ class MonitorNode(Node):
         subscription(self, 'odom', self._take)
         subscription(self, 'joint_states', self._take_joints)
         self._timer = self.create_timer(LINE_PERIOD, self._print, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        self.warn_of_unknown_parameters()
 
     def _take(self, message: Odometry) -> None:
         if self._latest is None:

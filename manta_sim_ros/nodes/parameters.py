@@ -1,4 +1,4 @@
-"""The settings as ROS 2 parameters: declared from the dataclasses, and checked by them."""
+"""The parameters of the nodes: declared from dataclasses or one by one, checked, and warned of if unknown."""
 
 from __future__ import annotations
 
@@ -6,22 +6,67 @@ import difflib
 from collections.abc import Iterable
 from typing import Any
 
-from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
+from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor, SetParametersResult
+from rclpy.exceptions import ParameterNotDeclaredException
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from manta_sim_ros.dynamics import Quantity, shown
+from manta_sim_ros.dynamics import Quantity, shown, shown_name, shown_names
 from manta_sim_ros.nodes.settings import Settings
 
 OTHERS = ('use_sim_time', 'start_type_description_service')
-"""Parameters that rclpy declares; those that begin with `qos_overrides.` are of rclpy, too."""
+"""Parameters that rclpy declares for every node."""
+
+MOST_WARNINGS = 10
+"""Most warnings of unknown parameters, one each."""
 
 
-def declare(node: Node) -> Settings:
+class ParameterNode(Node):
+    """A node that knows with which parameters it was started, and declares them itself.
+
+    Parameters
+    ----------
+    name
+        Its name.
+
+    """
+
+    def __init__(self, name: str) -> None:
+        super().__init__(name, automatically_declare_parameters_from_overrides=True)
+        self.given: dict[str, Any] = {
+            name: parameter.value for name, parameter in self.get_parameters_by_prefix('').items()
+            if name not in OTHERS}
+        """The values with which the node was started, by name; whether they are declared is not known yet."""
+        for given in self.given:  # rclpy declares again what belongs to it, the qos_overrides
+            self.undeclare_parameter(given)
+
+    def warn_of_unknown_parameters(self) -> None:
+        """Log a warning for each given parameter that was not declared; to be called when all topics are made."""
+        known = list(self.get_parameters_by_prefix(''))
+        unknown = [name for name in self.given if not self.has_parameter(name)]
+        for name in unknown[:MOST_WARNINGS]:
+            near = difflib.get_close_matches(name, known, n=1)
+            self.get_logger().warning(
+                f'{shown_name(name)} is no parameter of this node and has no effect'
+                f'{f"; is {near[0]} meant?" if near else ""}')
+        if len(unknown) > MOST_WARNINGS:
+            self.get_logger().warning(
+                f'{len(unknown) - MOST_WARNINGS} more parameters have no effect: '
+                f'{shown_names(unknown[MOST_WARNINGS:])}')
+
+    def set_parameters_atomically(self, parameter_list: list[Parameter[Any]]) -> SetParametersResult:
+        """Set parameters as any node does; an error names all that are unknown, but not the whole of long names."""
+        try:
+            return super().set_parameters_atomically(parameter_list)
+        except ParameterNotDeclaredException:
+            unknown = [parameter.name for parameter in parameter_list if not self.has_parameter(parameter.name)]
+            raise ParameterNotDeclaredException(shown_names(unknown)) from None
+
+
+def declare(node: ParameterNode) -> Settings:
     """Declare every parameter of the simulator on `node`, and return the settings with which it was started.
 
-    `node` must have been made with `automatically_declare_parameters_from_overrides`. The given values are checked
-    first, whole numbers are accepted for decimal ones, and a warning is logged for each unknown name.
+    The given values are checked first, and whole numbers are accepted for decimal ones.
 
     Raises
     ------
@@ -30,16 +75,7 @@ def declare(node: Node) -> Settings:
 
     """
     known = Settings.quantities()
-    given = {name: parameter.value for name, parameter in node.get_parameters_by_prefix('').items()}
-    for name in given:
-        if name in OTHERS or name.startswith('qos_overrides.'):
-            continue
-        node.undeclare_parameter(name)
-        if name not in known:
-            near = difflib.get_close_matches(name, known, n=1)
-            node.get_logger().warning(
-                f'{name} is no parameter of this node and has no effect{f"; is {near[0]} meant?" if near else ""}')
-    settings = Settings().replace((name, value) for name, value in given.items() if name in known)
+    settings = Settings().replace((name, value) for name, value in node.given.items() if name in known)
     for name, about in known.items():
         value = settings.value(name)
         node.declare_parameter(
@@ -47,8 +83,8 @@ def declare(node: Node) -> Settings:
     return settings
 
 
-def declare_value(node: Node, name: str, default: Any, description: str) -> Any:
-    """Declare one read-only parameter of a node that was made as for `declare`, and return its value.
+def declare_value(node: ParameterNode, name: str, default: Any, description: str) -> Any:
+    """Declare one read-only parameter of a node, and return its value.
 
     Whole numbers are accepted for decimal ones, and a number for a list of one.
 
@@ -58,10 +94,7 @@ def declare_value(node: Node, name: str, default: Any, description: str) -> Any:
         The given value is of another type; names it.
 
     """
-    value = default
-    if node.has_parameter(name):
-        value = node.get_parameter(name).value
-        node.undeclare_parameter(name)
+    value = node.given.get(name, default)
     if isinstance(default, list):
         parts = value.tolist() if hasattr(value, 'tolist') else value
         value = [_decimal(part) for part in (parts if isinstance(parts, list) else [parts])]

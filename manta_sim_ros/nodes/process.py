@@ -14,8 +14,14 @@ from rclpy.exceptions import ParameterException
 from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
 
+from manta_sim_ros.dynamics import cut
+from manta_sim_ros.nodes.arguments import check_arguments, warn_of_parameters_for_others
+
 Started = TypeVar('Started')
 NodeType = TypeVar('NodeType', bound=Node)
+
+LONGEST_LINE = 600
+"""Largest number of characters of an error: those of rclpy have the values that they refuse."""
 
 
 def run_node(
@@ -26,7 +32,8 @@ def run_node(
 ) -> None:
     """Make a node, start it, and spin it until it is interrupted or the context is shut down.
 
-    If ROS 2 arguments or a parameter are invalid, the process ends with status 1 and one line on standard error.
+    If ROS 2 arguments or a parameter are invalid, the process ends with status 1 and one line on standard error, and
+    with status 2 if there are other arguments. What has no effect is warned of.
     """
     spinning = interrupted = False
 
@@ -47,7 +54,10 @@ def run_node(
     sys.unraisablehook = report
     try:
         _or_exit(lambda: rclpy.init(args=args))
+        arguments = sys.argv if args is None else args
+        check_arguments(make, arguments)
         node = _or_exit(make)
+        warn_of_parameters_for_others(node, arguments)
         start(node)
         spinning = True
         spin(node)
@@ -68,4 +78,4 @@ def _or_exit(begin: Callable[[], Started]) -> Started:
         return begin()
     except (ValueError, RuntimeError, ParameterException) as error:  # errors of rcl are RuntimeErrors
         cure = '; set ROS_LOG_DIR to a folder that can be written to' if 'initialize logging' in str(error) else ''
-        sys.exit(f'{sys.argv[0].rpartition("/")[2]}: {" ".join(str(error).split())}{cure}')
+        sys.exit(f'{sys.argv[0].rpartition("/")[2]}: {cut(" ".join(str(error).split()), LONGEST_LINE)}{cure}')

@@ -15,12 +15,14 @@ from collections.abc import Callable, Iterator
 from typing import Any
 
 from rclpy.callback_groups import CallbackGroup
+from rclpy.exceptions import ParameterException
 from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, QoSPolicyKind, QoSProfile, ReliabilityPolicy
 from rclpy.qos_overriding_options import InvalidQosOverridesError, QosCallbackResult, QoSOverridingOptions
 from rclpy.subscription import Subscription
 
+from manta_sim_ros.dynamics import cut
 from manta_sim_ros.nodes.interface import TOPICS
 
 QUEUE_DEPTH = 10
@@ -111,9 +113,9 @@ def _named_errors(entity: str, topic: str) -> Iterator[None]:
     """Name the topic in an error: rclpy only names the invalid value, if at all."""
     try:
         yield
-    except (AssertionError, AttributeError, InvalidQosOverridesError, RuntimeError, TypeError) as error:
-        reason = str(error) or 'a value is of the wrong type'
-        raise ValueError(f'qos_overrides of the {entity} {topic}: {reason}') from error
+    except (AssertionError, InvalidQosOverridesError, ParameterException, RuntimeError, TypeError) as error:
+        kind = 'a value is of the wrong type: ' if isinstance(error, ParameterException) else ''
+        raise ValueError(f'qos_overrides of the {entity} {topic}: {kind}{cut(str(error)) or "invalid"}') from error
 
 
 def _profile(reliability: ReliabilityPolicy = ReliabilityPolicy.RELIABLE, *, lasts: bool = False) -> QoSProfile:

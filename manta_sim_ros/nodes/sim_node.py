@@ -12,7 +12,6 @@ from diagnostic_msgs.msg import DiagnosticArray
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.exceptions import ParameterNotDeclaredException
 from rclpy.executors import SingleThreadedExecutor
-from rclpy.node import Node
 from rclpy.parameter import Parameter
 from std_msgs.msg import Float64MultiArray
 
@@ -30,7 +29,7 @@ from manta_sim_ros.nodes.diagnostics import Health, statuses
 from manta_sim_ros.nodes.disturbances import Disturbances
 from manta_sim_ros.nodes.leader_clock import FOLLOWS, LeaderClock
 from manta_sim_ros.nodes.outputs import Outputs
-from manta_sim_ros.nodes.parameters import declare, set_values
+from manta_sim_ros.nodes.parameters import ParameterNode, declare, set_values
 from manta_sim_ros.nodes.process import run_node
 from manta_sim_ros.nodes.qos import drain, publisher, subscription
 from manta_sim_ros.nodes.refusals import Refusals
@@ -48,7 +47,7 @@ LISTENING_SHARE = 0.1  # of the time of a tick: for callbacks if the next tick i
 LONGEST_WAIT = 0.1  # s
 
 
-class SimNode(Node):
+class SimNode(ParameterNode):
     """The simulated robot as a node. It publishes simulated time: first all outputs of a state, then the clock.
 
     Raises
@@ -59,7 +58,7 @@ class SimNode(Node):
     """
 
     def __init__(self) -> None:
-        super().__init__('manta_sim', automatically_declare_parameters_from_overrides=True)
+        super().__init__('manta_sim')
         warnings.simplefilter('ignore', StabilityWarning)  # `_warn_of_step` logs it
         warnings.simplefilter('ignore', ModelWarning)  # `_warn_of_model` does
         self._settings: Settings = declare(self)
@@ -84,6 +83,7 @@ class SimNode(Node):
             self._forget_inputs)
         self.add_on_set_parameters_callback(self._check_parameters)
         self.add_post_set_parameters_callback(self._apply_parameters)
+        self.warn_of_unknown_parameters()
 
     def start(self) -> None:
         """Compile or load the kernels, and begin to simulate."""
