@@ -1,9 +1,9 @@
 """The one place where topics are made, and their quality of service is chosen: reliable, with small queues.
 
-Reliable publishers serve best-effort subscribers too. The outputs of the robot are transient local, so that whoever asks
-for that gets the last ones; time, transform and diagnostics are volatile, as in other simulators. The parameters
-`qos_overrides.<topic>.<publisher or subscription>.<history, depth, reliability or durability>`, which are read-only, change
-that at the start. rclpy logs a warning when the QoS of a subscriber or of a publisher is incompatible.
+Reliable publishers serve best-effort subscribers too. The outputs of the robot are transient local, so that whoever
+asks for that gets the last ones; time, transform and diagnostics are volatile, as in other simulators. The parameters
+`qos_overrides.<topic>.<publisher or subscription>.<history, depth, reliability or durability>`, which are read-only,
+change that at the start. rclpy logs a warning when the QoS of a subscriber or of a publisher is incompatible.
 """
 
 from __future__ import annotations
