@@ -20,6 +20,15 @@ cd "$root"
 say() { printf '%s\n' "manta_sim_ros: $*"; }
 fail() { printf '%s\n' "manta_sim_ros: $*" >&2; exit 1; }
 
+# Shebangs and the scripts of colcon split the path of the interpreter at spaces, and PATH and LD_LIBRARY_PATH are lists.
+longest_root=220  # characters: a shebang has at most 255
+case $root in
+  *[[:space:]:\;\"\$\`\\*?[]*)
+    fail "the path of the repository is ${root@Q}, but must have no spaces and none of : ; \" \$ \` \\ * ? [: move it" ;;
+esac
+[ ${#root} -le $longest_root ] ||
+  fail "the path of the repository has ${#root} characters, but must have at most $longest_root: move it"
+
 log=$(mktemp)
 trap 'rm -f "$log"' EXIT
 
@@ -199,9 +208,10 @@ sources() {
   find package.xml setup.py setup.cfg resource config launch rviz urdf manta_sim_ros \
     -type f ! -name '*.pyc' ! -name '*.nb[ci]' -print0
 }
-build_key=$({ echo "$runtime_key"; sources | LC_ALL=C sort -z | xargs -0 sha256sum; } | digest)
+build_key() { { echo "$runtime_key"; sources | LC_ALL=C sort -z | xargs -0 sha256sum; } | digest; }
 build_stamp=install/$distribution/build.stamp
-if [ -n "$build" ] && [ "$(cat "$build_stamp" 2>/dev/null)" != "$build_key" ]; then
+[ -z "$build" ] || key=$(build_key)
+if [ -n "$build" ] && [ "$(cat "$build_stamp" 2>/dev/null)" != "$key" ]; then
   say "building the package with colcon into install/$distribution"
   rm -f "$build_stamp"
   # Remove what the last build made, so that modules that were removed do not stay; compiled kernels may stay.
@@ -213,7 +223,7 @@ if [ -n "$build" ] && [ "$(cat "$build_stamp" 2>/dev/null)" != "$build_key" ]; t
   quietly "$python" -m colcon --log-base "build/$distribution/log" build --paths . \
     --build-base "build/$distribution" --install-base "install/$distribution" \
     --event-handlers console_cohesion+ desktop_notification- status- terminal_title- || fail "colcon build failed (above)"
-  printf '%s\n' "$build_key" >"$build_stamp"
+  printf '%s\n' "$key" >"$build_stamp"
 fi
 
 # -- what to source, and what to run

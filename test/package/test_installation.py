@@ -1,9 +1,11 @@
-"""`pip install .` without ROS: the library, its metadata, and executables that say in one line what they lack."""
+"""`pip install .` without ROS, and `scripts/setup.sh` where it is refused or beside a ROS 2 that lacks Numba."""
 
 import email
+import os
 import shutil
 import subprocess
 import sys
+import zipfile
 from pathlib import Path
 
 import pytest
@@ -31,7 +33,7 @@ OF_ROS = ('rclpy', 'rcl_interfaces', 'rosgraph_msgs', 'std_msgs', 'std_srvs', 'g
 @pytest.fixture(scope='module')
 def installed(tmp_path_factory):
     """The folder that pip installed the package into, from a copy of the sources."""
-    folder = tmp_path_factory.mktemp('pip')
+    folder = tmp_path_factory.mktemp('pip install')  # a path with a space
     (folder / 'sources').mkdir()
     for name in SOURCES:
         source = ROOT / name
@@ -77,7 +79,7 @@ simulator.command(left=gait, right=gait)
 print(manta_sim_ros.__file__, simulator.advance(2.0).position[0])
 """, (*OF_ROS, 'setuptools', 'pkg_resources', 'matplotlib', 'tqdm'))
     assert ended.returncode == 0, ended.stderr
-    path, position = ended.stdout.split()
+    path, position = ended.stdout.rsplit(maxsplit=1)
     assert Path(path).is_relative_to(installed) and 0.05 < float(position) < 1.0  # [m]
 
 
@@ -98,3 +100,69 @@ from manta_sim_ros.executables import {executable}
     assert ended.returncode == 1 and not ended.stdout
     (line,) = ended.stderr.splitlines()  # before anything is measured
     assert line.startswith(f'{executable}: ') and all(word in line for word in words)
+
+
+@pytest.fixture
+def setup_in(tmp_path):
+    """Return a function that runs `scripts/setup.sh` in a folder of this name, with `requirements/python.txt` only."""
+    def start(name, *arguments, requirement='', **environment):
+        folder = tmp_path / name
+        (folder / 'scripts').mkdir(parents=True)
+        (folder / 'requirements').mkdir()
+        shutil.copy(ROOT / 'scripts' / 'setup.sh', folder / 'scripts')
+        for file, content in (('python', requirement), ('build', ''), ('constraints', '')):
+            (folder / 'requirements' / f'{file}.txt').write_text(content, encoding='utf-8')
+        inherited = {name: value for name, value in os.environ.items() if name not in ('PYTHONPATH', 'ROS_DISTRO')}
+        return folder, subprocess.run(
+            [folder / 'scripts' / 'setup.sh', *arguments], capture_output=True, text=True, timeout=300,
+            env=inherited | environment)
+
+    return start
+
+
+@pytest.mark.parametrize(('name', 'words'), [
+    ('my robots', 'must have no spaces'), ('a\nb', 'must have no spaces'), ('a:b', 'none of : ;'),
+    ('a;b', 'none of : ;'), ('*', 'none of : ;'), ('$HOME', 'none of : ;'), ('a' * 221, 'must have at most 220')])
+def test_setup_refuses_a_path_that_shebangs_or_colcon_cannot_take_before_it_begins(setup_in, name, words):
+    folder, ended = setup_in(name)
+    assert ended.returncode == 1 and not ended.stdout
+    (line,) = ended.stderr.splitlines()
+    assert line.startswith('manta_sim_ros: the path of the repository ') and line.endswith(': move it')
+    assert words in line
+    assert sorted(path.name for path in folder.iterdir()) == ['requirements', 'scripts']  # nothing was made
+
+
+def test_setup_installs_what_a_sourced_ros_lacks_beside_its_packages(setup_in, tmp_path):
+    """Ubuntu 24.04 has no package for Numba, and its pip installs nothing outside a virtual environment (PEP 668)."""
+    sourced, wheels = tmp_path / 'ros', tmp_path / 'wheels'
+    (sourced / 'numpy-1.26.4.dist-info').mkdir(parents=True)
+    (sourced / 'numpy-1.26.4.dist-info' / 'METADATA').write_text(
+        'Metadata-Version: 2.1\nName: numpy\nVersion: 1.26.4\n', encoding='utf-8')
+    (sourced / 'numpy.py').write_text("__version__ = '1.26.4'\n", encoding='utf-8')
+    (sourced / 'rclpy.py').touch()
+    wheels.mkdir()
+    made_wheel(wheels, 'missing_package', '1.0', 'numpy>=1.22')
+    made_wheel(wheels, 'numpy', '2.0', None)  # the messages of the sourced ROS 2 could not be loaded with it
+    folder, ended = setup_in(
+        'beside', '--no-build', '--', 'python', '-c',
+        'import missing_package, numpy, rclpy, sys; print(numpy.__version__, sys.prefix)',
+        requirement='missing_package==1.0\nnumpy==2.0\n',
+        ROS='jazzy', ROS_DISTRO='jazzy', PYTHONPATH=str(sourced), PIP_NO_INDEX='1', PIP_FIND_LINKS=str(wheels))
+    assert ended.returncode == 0, ended.stderr
+    *_, line = ended.stdout.splitlines()
+    assert line == f'1.26.4 {folder / ".venv-jazzy"}'
+    assert 'on top of the sourced ROS 2 jazzy' in ended.stdout
+    settings = (folder / '.venv-jazzy' / 'pyvenv.cfg').read_text(encoding='utf-8')
+    assert 'include-system-site-packages = true' in settings
+
+
+def made_wheel(folder, name, version, requirement):
+    """Write a wheel of one empty module."""
+    metadata = f'Metadata-Version: 2.1\nName: {name}\nVersion: {version}\n'
+    metadata += f'Requires-Dist: {requirement}\n' if requirement else ''
+    about = f'{name}-{version}.dist-info'
+    with zipfile.ZipFile(folder / f'{name}-{version}-py3-none-any.whl', 'w') as wheel:
+        wheel.writestr(f'{name}.py', f"__version__ = '{version}'\n")
+        wheel.writestr(f'{about}/METADATA', metadata)
+        wheel.writestr(f'{about}/WHEEL', 'Wheel-Version: 1.0\nRoot-Is-Purelib: true\nTag: py3-none-any\n')
+        wheel.writestr(f'{about}/RECORD', '')
