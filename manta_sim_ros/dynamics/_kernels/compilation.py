@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import contextlib
 import hashlib
+import inspect
 import logging
 import pickle
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
 import numba
-from numba.core import event
-from numba.core.caching import FunctionCache, IndexDataCacheFile
+from numba.core import config, event
+from numba.core.caching import CompileResultCacheImpl, FunctionCache, IndexDataCacheFile
 from numba.core.compiler import CompilerBase, DefaultPassBuilder
 
 logger = logging.getLogger('manta_sim_ros')
@@ -101,8 +102,47 @@ class _Keeping:
             logger.warning(message, folder, ' '.join(str(error).split()) or type(error).__name__)
 
 
+_NAMED, _IN_PACKAGE, *_ELSEWHERE = CompileResultCacheImpl._locator_classes
+"""How Numba finds the folder that `NUMBA_CACHE_DIR` names, that of the package, and others such as one at home."""
+
+
+def _shared_folders(function: Callable[..., Any]) -> list[str]:
+    """Return where others may have kept a kernel for all users, whether this one can write there or not."""
+    locators = (_NAMED, _IN_PACKAGE) if config.CACHE_DIR else (_IN_PACKAGE,)
+    return [locator(function, inspect.getfile(function)).get_cache_path() for locator in locators]
+
+
+class _Unwritable:
+    """Stands for the first shared folder where no folder can be written to: kernels may be there to be read."""
+
+    @staticmethod
+    def from_function(function: Callable[..., Any], file: str) -> Any:
+        return (_NAMED if config.CACHE_DIR else _IN_PACKAGE)(function, file)
+
+
+class _Folders(CompileResultCacheImpl):
+    """Numba's own folders, and if none of them can be written to, one to read from."""
+
+    _locator_classes = [_NAMED, _IN_PACKAGE, *_ELSEWHERE, _Unwritable]
+
+
 class _CheckedFiles(IndexDataCacheFile):
-    """Files of a kernel with a checksum: machine code that was changed or cut short must never run."""
+    """Files of a kernel with a checksum: machine code that was changed or cut short must never run.
+
+    They are kept in the first of the folders, and looked for in all.
+    """
+
+    def __init__(self, folders: Sequence[str], *about: Any) -> None:
+        super().__init__(folders[0], *about)
+        self._others = [_CheckedFiles([folder], *about) for folder in folders[1:]]
+
+    def load(self, key: Any) -> Any:
+        data = super().load(key)
+        for other in self._others:
+            if data is None:
+                with contextlib.suppress(Exception):  # nothing can be mended there
+                    data = other.load(key)
+        return data
 
     def _save_data(self, name: str, data: Any) -> None:
         content = self._dump(data)
@@ -124,10 +164,13 @@ class _KernelCache(FunctionCache):
     writing never end anything: what cannot be read is compiled again, and what cannot be written stays in memory.
     """
 
+    _impl_class = _Folders
+
     def __init__(self, function: Callable[..., Any]) -> None:
         super().__init__(function)
+        others = [folder for folder in _shared_folders(function) if folder != self._cache_path]
         self._cache_file = _CheckedFiles(
-            self._cache_path, self._impl.filename_base, self._impl.locator.get_source_stamp())
+            [self._cache_path, *others], self._impl.filename_base, self._impl.locator.get_source_stamp())
         self._unreadable: Exception | None = None
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
