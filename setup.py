@@ -20,7 +20,8 @@ setup(
     data_files=[
         ('share/ament_index/resource_index/packages', ['resource/' + name]),
         ('share/' + name, ['package.xml']),
-        ('share/' + name + '/config', sorted(glob('config/*'))),
+        ('share/' + name + '/config', sorted(glob('config/*.*'))),
+        ('share/' + name + '/config/sros2', sorted(glob('config/sros2/*.xml'))),
         ('share/' + name + '/launch', sorted(glob('launch/*.launch.py'))),
         ('share/' + name + '/rviz', sorted(glob('rviz/*.rviz'))),
         ('share/' + name + '/urdf', sorted(glob('urdf/*.xacro'))),
