@@ -4,6 +4,8 @@ import errno
 import os
 import re
 import shutil
+import subprocess
+import sys
 import threading
 import time
 
@@ -209,6 +211,92 @@ def test_without_a_place_to_write_to_one_warning_says_so(monkeypatch, small_kern
     assert small_kernel() == (0, [])
     (message,) = caplog.messages
     assert str(error) in message and 'each start compiles them again; set NUMBA_CACHE_DIR' in message
+
+
+@pytest.fixture
+def no_folder_can_be_written_to(monkeypatch):
+    def refuse(self, *arguments):
+        raise OSError(errno.EROFS, os.strerror(errno.EROFS))
+
+    monkeypatch.setattr(numba.core.caching._CacheLocator, 'ensure_cache_path', refuse)
+    monkeypatch.setattr(compilation._CheckedFiles, '_open_for_write', refuse)
+
+
+def test_a_kernel_is_taken_from_a_folder_that_can_only_be_read(small_kernel, request, caplog):
+    small_kernel()
+    request.getfixturevalue('no_folder_can_be_written_to')
+    assert small_kernel() == (1, [])
+    assert not caplog.messages
+
+
+def test_the_folder_that_is_named_costs_one_warning_if_it_can_only_be_read(
+        small_kernel, no_folder_can_be_written_to, tmp_path, caplog):
+    assert small_kernel() == (0, [])
+    (message,) = caplog.messages
+    assert str(tmp_path) in message and os.strerror(errno.EROFS) in message
+    assert 'each start compiles them again; set NUMBA_CACHE_DIR' in message
+
+
+@pytest.mark.parametrize(('damage', 'hits'), [(None, 1), (replaced_by_garbage, 0)])
+def test_a_kernel_in_the_folder_of_the_package_is_taken_wherever_others_are_kept(
+        small_kernel, tmp_path, monkeypatch, caplog, damage, hits):
+    small_kernel()
+    (package,) = tmp_path.iterdir()
+    for path in files(tmp_path, '.nbc') if damage else ():
+        damage(path)
+    monkeypatch.setattr(numba.config, 'CACHE_DIR', str(tmp_path / 'own'))
+    monkeypatch.setattr(compilation, '_shared_folders', lambda function: [str(package)])
+    assert small_kernel()[0] == hits
+    assert not caplog.messages
+
+
+@pytest.fixture
+def without_rights(tmp_path):
+    """The beginning of a command that cannot write where the permissions forbid it, not even as root."""
+    if os.geteuid() != 0:
+        return []
+    command = ['setpriv', '--bounding-set=-dac_override,-dac_read_search', '--inh-caps=-dac_override,-dac_read_search']
+    forbidden = tmp_path / 'forbidden'
+    forbidden.mkdir(mode=0o555)
+    if shutil.which('setpriv') is None or subprocess.run([*command, 'true'], check=False).returncode:
+        pytest.skip('root can write anywhere, and setpriv cannot take that right away here')
+    assert subprocess.run([*command, 'touch', forbidden / 'file'], capture_output=True, check=False).returncode
+    return command
+
+
+READ = """
+import logging
+logging.basicConfig(format='%(message)s')
+import doubling
+print(doubling.double(1.5), sum(doubling.double.stats.cache_hits.values()))
+"""
+
+
+def test_kernels_of_another_user_in_a_read_only_tree_are_taken_without_a_home_and_without_a_warning(
+        without_rights, tmp_path):
+    """As in a container: the image has the kernels, and a user without rights runs it."""
+    tree = tmp_path / 'tree'
+    tree.mkdir()
+    (tree / 'doubling.py').write_text(
+        'from manta_sim_ros.dynamics._kernels.compilation import entry_kernel\n\n\n@entry_kernel\n'
+        'def double(x):\n    return 2.0 * x\n', encoding='utf-8')
+    run_python(READ, tree, NUMBA_CACHE_DIR=str(tree / 'kernels'))
+    for path in [*tree.rglob('*'), tree]:
+        path.chmod(0o555 if path.is_dir() else 0o444)
+
+    def read(folder):
+        environment = {name: value for name, value in os.environ.items() if name != 'XDG_CACHE_HOME'}
+        ended = subprocess.run(
+            [*without_rights, sys.executable, '-c', READ], cwd=tree, check=True, capture_output=True, text=True,
+            timeout=300, env=environment | {
+                'HOME': '/proc/none', 'NUMBA_CACHE_DIR': str(tree / folder), 'PYTHONDONTWRITEBYTECODE': '1',
+                'PYTHONPATH': os.pathsep.join([str(PACKAGE_ROOT), os.environ.get('PYTHONPATH', '')])})
+        return ended.stdout.split(), ended.stderr.splitlines()
+
+    assert read('kernels') == (['3.0', '1'], [])
+    result, (warning,) = read('none')
+    assert result == ['3.0', '0']
+    assert str(tree / 'none') in warning and 'each start compiles them again; set NUMBA_CACHE_DIR' in warning
 
 
 def test_other_threads_run_while_a_kernel_computes():
