@@ -26,7 +26,7 @@ test:  ## run all tests on the built package, in two processes
 colcon-test:  ## run the tests with colcon test; those that need Pinocchio or MuJoCo are skipped without them
 	@env -u ROS_DOMAIN_ID scripts/setup.sh --test -- scripts/colcon_test.sh -n 2 --dist loadfile $(PYTEST_ARGS)
 
-lint:  ## check package.xml, style (ruff) and types (mypy)
+lint:  ## check package.xml, style (ruff), types (mypy) and security (bandit)
 	$(TOOLS) --no-build -- scripts/lint.sh
 
 docs:  ## check the tables of docs/ and build the site into site/

@@ -1,9 +1,9 @@
 from glob import glob
-from xml.etree import ElementTree
+from xml.etree import ElementTree  # nosec B405 # for package.xml, which is part of this package
 
 from setuptools import find_packages, setup
 
-package = ElementTree.parse('package.xml')
+package = ElementTree.parse('package.xml')  # nosec B314 # as above
 name = package.findtext('name')
 maintainer = package.find('maintainer')
 

@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Check the sources with all of: package.xml, ruff, mypy. The exit status is 1 if one of them fails.
+# Check the sources with all of: package.xml, ruff, mypy, bandit. The exit status is 1 if one of them fails.
 cd "$(dirname "${BASH_SOURCE[0]}")/.." || exit
 unset PYTHONPATH  # check the sources, not the installed copy
 failed=()
@@ -26,6 +26,8 @@ echo '== ruff'
 ruff check . || failed+=(ruff)
 echo '== mypy'
 mypy manta_sim_ros || failed+=(mypy)
+echo '== bandit'  # of what is installed; each exception is justified where it is made
+bandit --quiet --recursive manta_sim_ros launch setup.py || failed+=(bandit)
 
 if [ ${#failed[@]} -gt 0 ]; then
   echo "lint: failed: ${failed[*]}"

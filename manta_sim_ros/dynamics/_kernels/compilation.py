@@ -6,7 +6,7 @@ import contextlib
 import hashlib
 import inspect
 import logging
-import pickle
+import pickle  # nosec B403 # see _load_data
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
@@ -154,7 +154,7 @@ class _CheckedFiles(IndexDataCacheFile):
         checksum, data = content[:32], content[32:]
         if hashlib.sha256(data).digest() != checksum:
             raise ValueError(f'{name} was changed or cut short')
-        return pickle.loads(data)
+        return pickle.loads(data)  # nosec B301 # the folder is trusted, as machine code comes from it
 
 
 class _KernelCache(FunctionCache):
