@@ -15,6 +15,8 @@ FARTHEST = 1e6
 HIGHEST_RATE_TOLERANCE = 1e-9
 """Share by which `publish_rate` may be above one output per time step: rounding."""
 
+LARGEST_OUTPUT = 1e8
+"""Largest number of time steps of single links in one output: seconds, as a step takes 30 to 90 ns for each link."""
 
 ROUNDING = 1e-6
 """Tolerance of a number of steps: far above its rounding errors and far below one step."""
@@ -129,7 +131,7 @@ class Settings:
     Raises
     ------
     ValueError
-        The publish rate asks for more than one output a time step.
+        The publish rate asks for more than one output a time step, or for an output that takes too long.
 
     """
 
@@ -140,11 +142,18 @@ class Settings:
 
     def __post_init__(self) -> None:
         """Check what concerns model and node."""
-        highest = 1.0 / self.model.solver.time_step
+        fin, time_step = self.model.fin, self.model.solver.time_step
+        highest = 1.0 / time_step
         if self.node.publish_rate > highest * (1.0 + HIGHEST_RATE_TOLERANCE):
             raise ValueError(
                 f'publish_rate is {self.node.publish_rate:g} Hz, but must be at most {highest:g} Hz, '
                 'one output per solver.time_step'
+            )
+        lowest = 2 * fin.chains * fin.links / (LARGEST_OUTPUT * time_step)
+        if self.node.publish_rate < lowest:
+            raise ValueError(
+                f'publish_rate is {self.node.publish_rate:g} Hz, but must be at least {lowest:.3g} Hz with this '
+                'solver.time_step and these fin.chains and fin.links: during one output, nobody else is heard'
             )
 
     @classmethod

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+import time
+from collections.abc import Callable, Iterable, Iterator
 from typing import TypeVar
 
 from geometry_msgs.msg import PoseStamped
@@ -18,6 +19,18 @@ from manta_sim_ros.nodes.robot import Robot
 from manta_sim_ros.nodes.settings import Settings
 
 Response = TypeVar('Response', SetBool.Response, Trigger.Response)
+
+LONGEST_STEP = 50.0
+"""Longest elapsed time of one `~/step` [s], after which the node hears everybody else again."""
+
+
+def _within(duration: float, states: Iterable[State]) -> Iterator[State]:
+    """Yield states, at least one, until the elapsed time `duration` [s] is over."""
+    end = time.monotonic() + duration
+    for state in states:
+        yield state
+        if time.monotonic() >= end:
+            return
 
 
 class TimeControl:
@@ -83,11 +96,16 @@ class TimeControl:
             states = self._robot.ticks(self._settings().node.step_duration)
         except ValueError as error:
             return self._refuse(response, str(error))
-        before = self._robot.divergences
-        self._publish(states)
-        response.success = self._robot.divergences == before
+        before, end = self._robot.divergences, self._robot.state.time + self._settings().node.step_duration
+        self._publish(_within(LONGEST_STEP, states))
+        diverged = self._robot.divergences != before
+        cut_short = self._robot.state.time < end - 0.5 * self._settings().model.solver.time_step
+        response.success = not (diverged or cut_short)
         response.message = f'stepped to {self._now}'
-        if not response.success:
+        if cut_short:
+            response.message += (
+                f' only, as a step takes at most {LONGEST_STEP:g} s: step again, or set a shorter step_duration')
+        if diverged:
             response.message += ', but the motion diverged and the robot was put at rest where it was'
         return response
 
