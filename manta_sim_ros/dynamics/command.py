@@ -4,16 +4,22 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
 from manta_sim_ros.dynamics._kernels.compilation import announced_compilation
+from manta_sim_ros.dynamics._kernels.constants import closure_angle, largest_difference
 from manta_sim_ros.dynamics._kernels.gait import Gait, largest_rod_difference, largest_transition_difference
 from manta_sim_ros.dynamics.parameters import Rods
 from manta_sim_ros.dynamics.quantity import FloatArray, ParameterGroup, quantity
+from manta_sim_ros.dynamics.state import finite_array
 
 SIDES = ('left', 'right')
 """Names of the fins, in the order of every array that has both."""
+
+LARGEST_ROD_ANGLE = math.pi / 2
+"""Bound of the angles that servos are commanded to [rad]."""
 
 HIGHEST_FREQUENCY = 5.0
 """Bound of the flapping frequency [Hz]: eight times that of the prototype."""
@@ -61,16 +67,6 @@ class FinCommand(ParameterGroup):
 
 REST = FinCommand(amplitude=0.0, frequency=0.0, phase=0.0)
 """Both rods level and at rest."""
-
-
-def closure_angle(rods: Rods) -> float:
-    """Return the difference of the rod angles [rad] at which the support lies in the y-z plane, where it cannot close.
-
-    From dy^2 + dz^2 = r_1^2 + r_2^2 - 2 r_1 r_2 cos(a_1 - a_2) = L^2; infinite if the rod ends are never so far apart.
-    """
-    front, rear = rods.front_radius, rods.rear_radius
-    cosine = (front**2 + rear**2 - rods.support_length**2) / (2 * front * rear)
-    return math.acos(cosine) if cosine > -1.0 else math.inf
 
 
 def check_gait(rods: Rods, side: int, command: FinCommand) -> None:
@@ -142,3 +138,49 @@ def check_transition(rods: Rods, side: int, value: FloatArray, rate: FloatArray,
             f'from the present gait: the rods come {apart} apart during the transition, but the support closes only '
             f'below {bound:.4g} rad; command a small amplitude in between'
         )
+
+
+def servo_targets(rods: Rods, side: int, angles: Sequence[float] | FloatArray) -> FloatArray:
+    """Return the angles (2,) of front and rear rod that servos go to when these are commanded [rad].
+
+    They are held at the largest difference at which the support closes with a margin, their mean as commanded.
+
+    Raises
+    ------
+    ValueError
+        There are not two finite angles, or one is beyond +-pi/2; names the rod, the value and the bound.
+
+    """
+    wanted = finite_array(f'the {SIDES[side]} command', angles, (2,))
+    for name, angle in zip(('front', 'rear'), wanted, strict=True):
+        if not abs(angle) <= LARGEST_ROD_ANGLE:
+            raise ValueError(
+                f'{SIDES[side]} {name} rod is commanded to {angle:g} rad, but must be within +-{LARGEST_ROD_ANGLE:.4g}')
+    half, bound = 0.5 * (wanted[0] - wanted[1]), 0.5 * largest_difference(rods)
+    if abs(half) > bound:
+        wanted = 0.5 * (wanted[0] + wanted[1]) + math.copysign(bound, half) * np.array((1.0, -1.0))
+    return wanted
+
+
+def check_taking_over(rods: Rods, side: int, angles: FloatArray, rates: FloatArray) -> None:
+    """Refuse to let servos take over from a gait that turns the rods (2,) apart too fast to stop them in time.
+
+    Raises
+    ------
+    ValueError
+        Names the largest difference of the rod angles, and the bound.
+
+    """
+    bound, widest, time_constant = closure_angle(rods), largest_difference(rods), rods.servo_time_constant
+    if math.isinf(bound):
+        return
+    sign = math.copysign(1.0, angles[0] - angles[1])
+    left, approach = widest - sign * (angles[0] - angles[1]), sign * (rates[0] - rates[1])
+    slope = left / time_constant - approach  # of the critically damped way to the largest difference
+    reached = widest - left
+    if slope < 0.0:
+        reached = widest - slope * time_constant * math.exp(left / (slope * time_constant) - 1.0)
+    if not reached < bound:
+        raise ValueError(
+            f'the {SIDES[side]} rods cannot be taken over from the present gait: they come {reached:.4g} rad apart, '
+            f'but the support closes only below {bound:.4g} rad; command a smaller amplitude first')

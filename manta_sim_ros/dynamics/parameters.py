@@ -162,6 +162,15 @@ class Rods(ParameterGroup):
         description='time constant of the smoothing of commands; 0 applies commands at once, as in the paper',
         source='chosen',
     )
+    servo_time_constant: float = quantity(
+        0.05, unit='s', low=1e-3, high=60.0,
+        description='time constant of the servos that turn the rods to commanded angles, critically damped',
+        source='chosen',
+    )
+    servo_rate_limit: float = quantity(
+        6.0, unit='rad/s', low=1e-2, high=100.0,
+        description='largest rate at which these servos turn the rods', source='chosen',
+    )
 
     def __post_init__(self) -> None:
         """Check each field, then that the support can reach from rod to rod with the fin flat."""

@@ -13,11 +13,20 @@ import numpy as np
 
 from manta_sim_ros.dynamics._kernels import monolithic, staggered
 from manta_sim_ros.dynamics._kernels.compilation import announced_compilation
-from manta_sim_ros.dynamics._kernels.constants import constants
+from manta_sim_ros.dynamics._kernels.constants import constants, with_servos
 from manta_sim_ros.dynamics._kernels.inputs import inputs
 from manta_sim_ros.dynamics._kernels.layout import workspace
 from manta_sim_ros.dynamics._kernels.motion import FASTEST, FIN_DIVERGED, NO_SOLUTION, FinState, Motion, Outcome
-from manta_sim_ros.dynamics.command import REST, SIDES, FinCommand, check_gait, check_present_gait, check_transition
+from manta_sim_ros.dynamics.command import (
+    REST,
+    SIDES,
+    FinCommand,
+    check_gait,
+    check_present_gait,
+    check_taking_over,
+    check_transition,
+    servo_targets,
+)
 from manta_sim_ros.dynamics.current import deviation_at, steps_left
 from manta_sim_ros.dynamics.parameters import MONOLITHIC, SEQUENTIAL, Parameters, check_parameters
 from manta_sim_ros.dynamics.quantity import FloatArray, shown
@@ -71,6 +80,7 @@ class Simulator:
         self._parameters = Parameters() if parameters is None else parameters
         check_parameters(self._parameters)
         self._constants = constants(self._parameters)
+        self._servo_constants = with_servos(self._constants)
         self._workspace = workspace(self._parameters.fin.chains, self._parameters.fin.links)
         warning = body_warning(self._parameters)
         if warning is not None:
@@ -148,8 +158,48 @@ class Simulator:
         if rods.command_time_constant == 0.0:
             gait, rates = commands, np.zeros_like(rates)
         warning = step_warning(self._parameters, left, right)
-        self._state = dataclasses.replace(self._state, gait=gait, gait_rates=rates, gait_commands=commands)
+        self._state = dataclasses.replace(
+            self._state, gait=gait, gait_rates=rates, gait_commands=commands, servos=False)
         self._warn_of_step(warning, stacklevel=3)
+
+    def command_rods(
+        self, *, left: Sequence[float] | FloatArray, right: Sequence[float] | FloatArray,
+    ) -> None:
+        """Command the angles of the rods, in place of gaits, until the next `command`; servos turn the rods there.
+
+        The servos are of second order, critically damped with `rods.servo_time_constant`, and not faster than
+        `rods.servo_rate_limit`. Angles so far apart that the support would not close are held at the largest difference
+        that has a margin, their mean as commanded: `state.rod_command` has what is in force. The rods keep that
+        difference on their way, too.
+
+        Parameters
+        ----------
+        left, right
+            (2,) front and rear angle [rad], positive with the tip of the fin up, within +-pi/2.
+
+        Raises
+        ------
+        ValueError
+            An angle is not finite or out of its bounds; the rods cannot be taken over from the present gait, because
+            the support would not close; or the time constant is below `solver.time_step`. No fin is then commanded.
+
+        """
+        rods, solver, before = self._parameters.rods, self._parameters.solver, self._state
+        if rods.servo_time_constant < solver.time_step:
+            raise ValueError(
+                f'rods.servo_time_constant is {rods.servo_time_constant:g} s, but must be at least solver.time_step, '
+                f'{solver.time_step:g} s, for a command of the rods')
+        gait, rates, commands = np.zeros((2, 5)), np.zeros((2, 5)), np.zeros((2, 5))
+        for side, angles in enumerate((left, right)):
+            commands[side, 3:] = servo_targets(rods, side, angles)
+        if before.servos:
+            gait, rates = before.gait, before.gait_rates
+        else:
+            gait[:, 3:], rates[:, 3:] = before.rod_angles, before.rod_rates
+            for side in range(2):
+                check_taking_over(rods, side, gait[side, 3:], rates[side, 3:])
+        self._state = dataclasses.replace(before, gait=gait, gait_rates=rates, gait_commands=commands, servos=True)
+        self._step_too_large = False
 
     def _warn_of_step(self, warning: str | None, stacklevel: int) -> None:
         warned, self._step_too_large = self._step_too_large, warning is not None
@@ -199,7 +249,8 @@ class Simulator:
             due = min(steps - taken, at_once, steps_left(time, time_step) if varying else steps)
             with announced_compilation():
                 outcome = Outcome(*kernels.advance(
-                    self._constants, inputs(mean + deviation, on_body, in_world), motion, self._workspace, due))
+                    self._servo_constants if before.servos else self._constants,
+                    inputs(mean + deviation, on_body, in_world), motion, self._workspace, due))
             if outcome.failure:
                 raise self._divergence(before, taken, outcome)
             taken += due
@@ -214,6 +265,7 @@ class Simulator:
             start_time=before.start_time,
             step_count=before.step_count + steps,
             current_deviation=deviation,
+            servos=before.servos,
         )
         self._warn_of_turn()
         return self._state

@@ -90,6 +90,9 @@ class State:
     """(2, 2) by fin and rod (front, rear), positive upward on both sides [rad/s], at the end of the step."""
     rod_torques: FloatArray = dataclasses.field(default_factory=lambda: np.zeros((2, 2)))
     """(2, 2) by fin and rod (front, rear), of the motors on the rods, positive upward [N m], at the end of the step."""
+    servos: bool = False
+    """Whether servos turn the rods to `rod_command`, in place of gaits. Both are then the biases of `gait_commands` and
+    `gait`, whose amplitudes and frequencies are 0."""
 
     def __post_init__(self) -> None:
         """Copy the arrays, make them read-only, and check them."""
@@ -105,6 +108,8 @@ class State:
         if not (whole and 0 <= count <= MOST_STEPS):
             raise ValueError(
                 f'state.step_count is {shown(count)}, but must be a whole number from 0 to {MOST_STEPS}')
+        if not isinstance(self.servos, bool):
+            raise ValueError(f'state.servos is {shown(self.servos)}, but must be true or false')
         for field in dataclasses.fields(self):
             if field.name in SHAPES or field.name in ('joint_angles', 'joint_rates'):
                 object.__setattr__(self, field.name, self._checked_array(field.name))
@@ -115,6 +120,10 @@ class State:
                 f'state.joint_rates has shape {self.joint_rates.shape}, but must have that of joint_angles, '
                 f'{self.joint_angles.shape}'
             )
+        for name in ('gait', 'gait_rates', 'gait_commands'):
+            if self.servos and np.any(getattr(self, name)[:, :3]):
+                first = getattr(self, name)[:, :3].tolist()
+                raise ValueError(f'state.{name} has {first}, but must have zeros with servos')
         norm = float(np.linalg.norm(self.orientation))
         if not abs(norm - 1.0) <= UNIT_TOLERANCE:
             raise ValueError(f'state.orientation has norm {norm:.9g}, but must have 1 within {UNIT_TOLERANCE:g}')
@@ -136,6 +145,11 @@ class State:
     def wrench(self) -> FloatArray:
         """(6,) sum of `fin_wrenches`: force [N] and moment [N m] of both fins on the body."""
         return self.fin_wrenches[0] + self.fin_wrenches[1]
+
+    @property
+    def rod_command(self) -> FloatArray | None:
+        """(2, 2) by fin and rod (front, rear): the angles that servos turn the rods to [rad]; None with gaits."""
+        return self.gait_commands[:, 3:] if self.servos else None
 
     @property
     def rod_power(self) -> float:

@@ -13,6 +13,9 @@ from manta_sim_ros.dynamics import FloatArray
 from manta_sim_ros.nodes.refusals import Refused
 from manta_sim_ros.nodes.transport import cost_of_transport
 
+OTHER_INPUTS = ('rod_command', 'set_pose', 'parameters', 'service calls')
+"""Beside `fin_command` and the disturbances."""
+
 PACE_TOLERANCE = 0.95
 """Share of the wanted real-time factor from which on the machine keeps up."""
 
@@ -34,10 +37,14 @@ class Health:
     """The real-time factor reached, NaN when paused, or when the time to measure it was too short."""
     computing: float
     """Computing time of a time step, elapsed time [s], NaN when there was none."""
+    commanding_topic: str
+    """The topic of the commands that are in force."""
+    held: Refused
+    """The rod commands that are held where the support still closes."""
     command_age: float
     """Time since the last accepted command, NaN when there was none."""
     timed_out: bool
-    """Whether the amplitudes went to zero because that was too long ago."""
+    """Whether the amplitudes went to zero, or the rods hold, because that was too long ago."""
     abandoned: bool
     """Whether the fins flap although nobody publishes commands any more."""
     refused: Mapping[str, Refused]
@@ -106,22 +113,25 @@ def _commands(health: Health) -> Description:
     values = {
         'age of the last fin_command [s]': _number(health.command_age),
         'refused': str(health.refused['fin_command'].total),
-        **{f'{name} refused': str(health.refused[name].total) for name in ('set_pose', 'parameters', 'service calls')},
+        **{f'{name} refused': str(health.refused[name].total) for name in OTHER_INPUTS},
+        'rod_command held': str(health.held.total),
     }
-    refused = _refused_lately(health, 'fin_command', 'set_pose', 'parameters', 'service calls')
+    refused = _refused_lately(health, 'fin_command', *OTHER_INPUTS)
     if refused:
         return DiagnosticStatus.WARN, refused, values
+    if health.held.lately:
+        return DiagnosticStatus.WARN, f'{health.held.lately} rod_command held just now: {health.held.reason}', values
     if health.timed_out:
+        instead = 'the rods hold' if health.commanding_topic == 'rod_command' else 'the fins glide to rest'
         return DiagnosticStatus.WARN, (
-            f'no fin_command for {health.command_age:.3g} s: the fins glide to rest, publish a new command'
-        ), values
+            f'no {health.commanding_topic} for {health.command_age:.3g} s: {instead}, publish a new command'), values
     if health.abandoned:
         return DiagnosticStatus.WARN, (
             'the fins flap, but nobody publishes fin_command any more: set command_timeout to let them glide to rest'
         ), values
     if math.isnan(health.command_age):
         return DiagnosticStatus.OK, 'no fin_command yet: the fins are at rest', values
-    return DiagnosticStatus.OK, f'the last fin_command came {health.command_age:.3g} s ago', values
+    return DiagnosticStatus.OK, f'the last {health.commanding_topic} came {health.command_age:.3g} s ago', values
 
 
 def _disturbances(health: Health) -> Description:

@@ -27,6 +27,10 @@ TOPICS = {
         'std_msgs/msg/Float64MultiArray', 'in',
         '`[A_l, A_r, f_l, f_r, phi_l, phi_r]` in rad, Hz, rad; or ten: then `front_bias_l, front_bias_r, rear_bias_l, '
         'rear_bias_r` in rad'),
+    'rod_command': Topic(
+        'sensor_msgs/msg/JointState', 'in',
+        'angles [rad] as positions of the rods `left_front_rod`, `left_rear_rod`, `right_front_rod`, `right_rear_rod`, '
+        'all or some, the others hold; servos follow them until the next `fin_command`'),
     'set_pose': Topic(
         'geometry_msgs/msg/PoseStamped', 'in',
         'puts the robot at rest at this pose, in `odom`; its gait is forgotten'),

@@ -212,6 +212,33 @@ def commands_of(message: Float64MultiArray) -> tuple[FinCommand, FinCommand]:
     return fin_commands(message.data)
 
 
+def rod_command(message: JointState, present: FloatArray) -> FloatArray:
+    """Return the angles (2, 2) by fin and rod (front, rear) [rad] that a `rod_command` asks for.
+
+    Rods that it does not name keep their `present` angle. Velocities and efforts are not used.
+
+    Raises
+    ------
+    ValueError
+        There is no name, a name is unknown or stands twice, there are more or fewer positions than names, or a position
+        is not finite; names it.
+
+    """
+    if not message.name or len(message.name) != len(message.position):
+        raise ValueError(
+            f'there are {len(message.name)} names and {len(message.position)} positions, but must be as many, and at '
+            'least one')
+    angles = present.copy()
+    for index, (name, position) in enumerate(zip(message.name, message.position, strict=True)):
+        if name not in ROD_NAMES or name in message.name[:index]:
+            raise ValueError(
+                f'name {index} is {shown(name)}, but must be one of {", ".join(ROD_NAMES)}, each once')
+        if not math.isfinite(position):
+            raise ValueError(f'the position of {name} is {position}, but must be finite')
+        angles.flat[ROD_NAMES.index(name)] = position
+    return angles
+
+
 def pose_of(message: PoseStamped, odom_frame: str) -> tuple[list[float], list[float]]:
     """Return position [m] and orientation (x, y, z, w) of a pose of the body in the world.
 

@@ -32,11 +32,15 @@ class Refusals:
         Its name, or what else the input is.
     consequence
         What happens instead, in words.
+    done
+        What is done with it, in a word.
 
     """
 
-    def __init__(self, warn: Callable[[str], object], topic: str, consequence: str) -> None:
-        self._warn, self._topic, self._consequence = warn, topic, consequence
+    def __init__(
+        self, warn: Callable[[str], object], topic: str, consequence: str, done: str = 'refused',
+    ) -> None:
+        self._warn, self._topic, self._consequence, self._done = warn, topic, consequence, done
         self._total = self._told = 0
         self._reason = ''
         self._quiet_until = 0.0  # steady time [s]
@@ -45,13 +49,14 @@ class Refusals:
         """Count a refused request, whose sender is told."""
         self._total, self._reason = self._total + 1, reason
 
-    def add(self, error: ValueError) -> None:
+    def add(self, error: ValueError | str) -> None:
         """Count a refused message, and warn unless there was a warning just now."""
         self.count(str(error))
         now = time.monotonic()
         if now >= self._quiet_until:
             self._quiet_until = now + WARNING_PERIOD
-            self._warn(f'{self._topic} refused, {self._consequence} ({self._total} refused so far): {error}')
+            self._warn(
+                f'{self._topic} {self._done}, {self._consequence} ({self._total} {self._done} so far): {error}')
 
     def take(self) -> Refused:
         """Return what was refused; from now on, what comes is counted as lately."""

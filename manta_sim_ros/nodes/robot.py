@@ -46,7 +46,7 @@ class Robot:
         self._world_wrench: Sequence[float] | None = None
         self._wrench_ends = -math.inf  # simulated time
         self.timed_out = False
-        """Whether the last command is older than `command_timeout`, so that the amplitudes went to zero."""
+        """Whether the last command is older than `command_timeout`, so that amplitudes went to zero, or rods hold."""
         self.divergences = 0
         """Number of divergences of the motion."""
         self.transport = Transport()
@@ -104,6 +104,29 @@ class Robot:
         """
         self._simulator.command(left=left, right=right)
         self._commanded_at, self.timed_out = self.state.time, False
+
+    def command_rods(self, angles: FloatArray) -> bool:
+        """Command the angles (2, 2) of the rods [rad]; return whether they are held where the support still closes.
+
+        Raises
+        ------
+        ValueError
+            An angle is out of its bounds, or the rods cannot be taken over from the present gait; then nothing changes.
+
+        """
+        self._simulator.command_rods(left=angles[0], right=angles[1])
+        self._commanded_at, self.timed_out = self.state.time, False
+        return not np.array_equal(self.rod_targets, angles)
+
+    @property
+    def rod_targets(self) -> FloatArray:
+        """The angles (2, 2) of the rods that hold until others are commanded [rad]."""
+        return self.state.rod_angles if self.state.rod_command is None else self.state.rod_command
+
+    @property
+    def commanding_topic(self) -> str:
+        """The topic of the commands that are in force."""
+        return 'rod_command' if self.state.servos else 'fin_command'
 
     @property
     def mean_current(self) -> Sequence[float]:
@@ -265,7 +288,12 @@ class Robot:
         timeout = self._settings.node.command_timeout
         if timeout == 0.0 or self._commanded_at is None or self.timed_out:
             return
-        if self.state.time - self._commanded_at >= timeout - ROUNDING * self._time_step:
+        if self.state.time - self._commanded_at < timeout - ROUNDING * self._time_step:
+            return
+        if self.state.servos:
+            self.timed_out = True
+            self._warn(f'no rod_command for {timeout:g} s of simulated time: the rods hold')
+        else:
             left, right = (dataclasses.replace(command, amplitude=0.0) for command in self.commands)
             with contextlib.suppress(ValueError):  # not during a transition from which it is impossible
                 self._simulator.command(left=left, right=right)

@@ -13,6 +13,7 @@ from rcl_interfaces.msg import SetParametersResult
 from rclpy.exceptions import ParameterNotDeclaredException
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.parameter import Parameter
+from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 
 from manta_sim_ros.dynamics import (
@@ -64,6 +65,8 @@ class SimNode(ParameterNode):
         self._settings: Settings = declare(self)
         self._robot = Robot(self._settings, self._report_divergence, self.get_logger().warning)
         self._refusals = Refusals(self.get_logger().warning, 'fin_command', 'the previous gait continues')
+        self._rod_refusals = Refusals(self.get_logger().warning, 'rod_command', 'the rods stay as they were commanded')
+        self._held = Refusals(self.get_logger().warning, 'rod_command', 'as the support must close', done='held')
         self._parameter_refusals = Refusals(self.get_logger().warning, 'parameters', 'nothing changes')
         self._step_warning, self._step_warning_due = '', -math.inf
         self._body_warned = self._turn_warned = False
@@ -77,6 +80,7 @@ class SimNode(ParameterNode):
             self, lambda: self._settings, lambda: self._robot.mean_current, lambda: self._leader.followed)
         self._diagnostics = publisher(self, '/diagnostics')
         self._commands = subscription(self, 'fin_command', self._take_command)
+        self._rod_commands = subscription(self, 'rod_command', self._take_rod_command)
         self._disturbances = Disturbances(self, self._robot, lambda: self._settings)
         self._time = TimeControl(
             self, self._robot, lambda: self._settings, self._leader, self._outputs.publish_all, self._set_pace,
@@ -155,8 +159,17 @@ class SimNode(ParameterNode):
         else:
             self._warn_of_step()
 
+    def _take_rod_command(self, message: JointState) -> None:
+        try:
+            angles = messages.rod_command(message, self._robot.rod_targets)
+            if self._robot.command_rods(angles):
+                self._held.add(f'{angles.tolist()} rad, and {self._robot.rod_targets.tolist()} rad is in force')
+        except ValueError as error:
+            self._rod_refusals.add(error)
+
     def _forget_inputs(self) -> None:
         drain(self._commands)
+        drain(self._rod_commands)
         self._disturbances.forget()
 
     def _warn_of_step(self) -> None:
@@ -215,8 +228,8 @@ class SimNode(ParameterNode):
         model, robot, leader = self._settings.model, self._robot, self._leader
         still = self._time.paused or leader.stands_still
         refusals = {
-            'fin_command': self._refusals, 'parameters': self._parameter_refusals, **self._time.refusals,
-            **self._disturbances.refusals}
+            'fin_command': self._refusals, 'rod_command': self._rod_refusals, 'parameters': self._parameter_refusals,
+            **self._time.refusals, **self._disturbances.refusals}
         elapsed, simulated = time.monotonic() - self._window_began[0], robot.state.time - self._window_began[1]
         steps = simulated / model.solver.time_step
         power, speed = robot.transport.take()
@@ -226,6 +239,7 @@ class SimNode(ParameterNode):
             wanted_factor=0.0 if leader.followed else self._settings.node.real_time_factor,
             reached_factor=math.nan if still or elapsed < SHORTEST_WINDOW else simulated / elapsed,
             computing=math.nan if still or not steps else self._computing / steps,
+            commanding_topic=robot.commanding_topic, held=self._held.take(),
             command_age=robot.command_age, timed_out=robot.timed_out,
             abandoned=robot.flaps and not self.count_publishers(self._commands.topic_name),
             refused={topic: refusals_of.take() for topic, refusals_of in refusals.items()},

@@ -54,6 +54,7 @@ ARRAYS = {
        for name in ('position', 'twist', 'orientation', 'joint_angles', 'gait', 'rod_torques', 'current_deviation')},
     **{name: lambda value, name=name: Simulator(PARAMETERS).advance(0.002, **{name: value})
        for name in ('current', 'body_wrench', 'world_wrench')},
+    'left command': lambda value: Simulator(PARAMETERS).command_rods(left=value, right=(0.0, 0.0)),
     **{name: lambda value, name=name: fin_dynamics(**{
         'parameters': PARAMETERS, 'side': 0, 'rod_motion': np.zeros((2, 3)), 'joint_angles': np.zeros((4, 2)),
         'joint_rates': np.zeros((4, 2)), 'body_twist': np.zeros(6), 'body_acceleration': np.zeros(6), name: value})

@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
-from math import hypot, pi
+from math import acos, hypot, inf, pi
 from typing import NamedTuple
 
 import numpy as np
 
 from manta_sim_ros.dynamics._kernels.layout import stations
-from manta_sim_ros.dynamics.parameters import Parameters
+from manta_sim_ros.dynamics.parameters import Parameters, Rods
 from manta_sim_ros.dynamics.quantity import FloatArray, SixVector, Vector
 
 LEAST_HEIGHT, GREATEST_HEIGHT = 0.01, 1.0
 """Bounds of the height of the body as a slab [m]."""
+
+SERVO_SHARE = 0.95
+"""Share of the closure angle up to which servos turn the rods against each other: beyond it, the support whips."""
 
 
 class FinConstants(NamedTuple):
@@ -42,6 +45,10 @@ class RodConstants(NamedTuple):
     support_length: float  # L [m]
     motor_position: Vector  # bP_l [m]
     time_constant: float  # of the smoothing of commands [s]
+    servos: bool  # whether the biases of a gait are angles that servos follow, in place of a gait
+    servo_time_constant: float  # [s]
+    servo_rate_limit: float  # [rad/s]
+    largest_difference: float  # of the angles of the two rods to which servos go [rad]
 
 
 class BodyConstants(NamedTuple):
@@ -101,7 +108,8 @@ def constants(parameters: Parameters) -> Constants:
         ),
         rods=RodConstants(
             rods.front_radius, rods.rear_radius, rods.support_length, rods.rear_motor_position,
-            rods.command_time_constant,
+            rods.command_time_constant, False, rods.servo_time_constant, rods.servo_rate_limit,
+            largest_difference(rods),
         ),
         body=BodyConstants(
             body.mass, body.inertia, tuple(drag.tolist()), body.angular_damping,
@@ -118,6 +126,26 @@ def constants(parameters: Parameters) -> Constants:
             + rods.support_length + fin.span + fin.thickness,
             hypot(*body.buoyancy_center) + slab_height(parameters)),
     )
+
+
+def with_servos(values: Constants) -> Constants:
+    """Return the same constants of a robot whose rods follow servos."""
+    return values._replace(rods=values.rods._replace(servos=True))
+
+
+def closure_angle(rods: Rods) -> float:
+    """Return the difference of the rod angles [rad] at which the support lies in the y-z plane, where it cannot close.
+
+    From dy^2 + dz^2 = r_1^2 + r_2^2 - 2 r_1 r_2 cos(a_1 - a_2) = L^2; infinite if the rod ends are never so far apart.
+    """
+    front, rear = rods.front_radius, rods.rear_radius
+    cosine = (front**2 + rear**2 - rods.support_length**2) / (2 * front * rear)
+    return acos(cosine) if cosine > -1.0 else inf
+
+
+def largest_difference(rods: Rods) -> float:
+    """Return the largest difference of the rod angles to which servos go [rad]: before the support cannot close."""
+    return SERVO_SHARE * closure_angle(rods)
 
 
 def slab_height(parameters: Parameters) -> float:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from math import asin, cos, exp, inf, pi, sin, sqrt
 from typing import NamedTuple
 
-from manta_sim_ros.dynamics._kernels.compilation import entry_kernel, kernel
+from manta_sim_ros.dynamics._kernels.compilation import entry_kernel, kernel, rare_kernel
 from manta_sim_ros.dynamics._kernels.constants import RodConstants
 from manta_sim_ros.dynamics.quantity import FloatArray
 
@@ -66,6 +66,8 @@ def rod_motion(rods: RodConstants, gait: Gait, elapsed: float) -> tuple[Rod, Rod
 
     The amplitude of the front rod is that of r_1 sin(A_1) = r_2 sin(A). All derivatives are analytic.
     """
+    if rods.servos:
+        return _servo_motion(rods, gait, elapsed)
     time_constant = rods.time_constant
     rear = smoothed(gait, AMPLITUDE, time_constant, elapsed)
     frequency = smoothed(gait, FREQUENCY, time_constant, elapsed)
@@ -88,6 +90,41 @@ def rod_motion(rods: RodConstants, gait: Gait, elapsed: float) -> tuple[Rod, Rod
     return _swing(front, ahead, front_bias), _swing(rear, psi, rear_bias)
 
 
+@rare_kernel
+def _servo_motion(rods: RodConstants, gait: Gait, elapsed: float) -> tuple[Rod, Rod]:
+    """Return the motion of both rods that servos turn, `elapsed` [s] after they were as they are.
+
+    a'' = (2 / T) (w - a') with the commanded rate w = (u - a) / (2 T), within the limit: critically damped as long as
+    that does not act. The rates are brought closer to each other where the rods would come too far apart: the equation
+    keeps a_1' - a_2' <= (D - a_1 + a_2) / T, so that their difference never passes D. Which case acts is decided at the
+    beginning of a step.
+    """
+    time_constant, limit = rods.servo_time_constant, rods.servo_rate_limit
+    front_wanted = (gait.command[FRONT_BIAS] - gait.value[FRONT_BIAS]) / (2.0 * time_constant)
+    rear_wanted = (gait.command[REAR_BIAS] - gait.value[REAR_BIAS]) / (2.0 * time_constant)
+    front, rear = min(max(front_wanted, -limit), limit), min(max(rear_wanted, -limit), limit)
+    apart = gait.value[FRONT_BIAS] - gait.value[REAR_BIAS]
+    widest = rods.largest_difference
+    least, most = (-widest - apart) / (2.0 * time_constant), (widest - apart) / (2.0 * time_constant)
+    excess = 0.5 * (front - rear - min(max(front - rear, least), most))
+    front, rear = min(max(front - excess, -limit), limit), min(max(rear + excess, -limit), limit)
+    return (_servo(gait, FRONT_BIAS, time_constant, front, front == front_wanted, elapsed),
+            _servo(gait, REAR_BIAS, time_constant, rear, rear == rear_wanted, elapsed))
+
+
+@kernel
+def _servo(gait: Gait, row: int, time_constant: float, commanded: float, free: bool, elapsed: float) -> Rod:
+    """Return the motion of one rod; the commanded rate [rad/s] holds, unless the servo is free of all limits."""
+    if free:
+        angle = smoothed(gait, row, time_constant, elapsed)
+        return Rod(angle.value, angle.value_dot, angle.value_ddot)
+    decay = exp(-2.0 * elapsed / time_constant)
+    error = gait.rate[row] - commanded
+    return Rod(
+        gait.value[row] + commanded * elapsed + 0.5 * time_constant * error * (1.0 - decay),
+        commanded + error * decay, -2.0 / time_constant * error * decay)
+
+
 @kernel
 def _swing(amplitude: Smoothed, angle: Rod, bias: Smoothed) -> Rod:
     """Return a = A sin(x) + delta with its first two derivatives."""
@@ -101,8 +138,14 @@ def _swing(amplitude: Smoothed, angle: Rod, bias: Smoothed) -> Rod:
 
 
 @kernel
-def advance_gait(gait: Gait, time_constant: float, elapsed: float) -> float:
+def advance_gait(rods: RodConstants, gait: Gait, elapsed: float) -> float:
     """Move the values and rates of a gait on by `elapsed` [s] in place; return psi then, in [0, 2 pi)."""
+    time_constant = rods.time_constant
+    if rods.servos:
+        front, rear = _servo_motion(rods, gait, elapsed)
+        gait.value[FRONT_BIAS], gait.rate[FRONT_BIAS] = front.angle, front.angle_dot
+        gait.value[REAR_BIAS], gait.rate[REAR_BIAS] = rear.angle, rear.angle_dot
+        return gait.cycle_angle
     turns = smoothed(gait, FREQUENCY, time_constant, elapsed).integral
     for row in range(5):
         later = smoothed(gait, row, time_constant, elapsed)

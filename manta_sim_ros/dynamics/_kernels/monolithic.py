@@ -204,7 +204,7 @@ def _step(constants: Constants, inputs: Inputs, motion: Motion, work: Workspace)
     end(body.state, body.total)
     for side in range(2):
         end_joints(links_of(work, side))
-        motion.cycle_angles[side] = advance_gait(gait_of(motion, side), constants.rods.time_constant, time_step)
+        motion.cycle_angles[side] = advance_gait(constants.rods, gait_of(motion, side), time_step)
     return True
 
 

@@ -123,7 +123,7 @@ def _step_fin(
         wrench = Wrench(add(wrench.force, along.force), add(wrench.moment, along.moment))
     store_wrench(wrench_on_body(support, wrench), side, motion.fin_wrenches)
     motion.rod_angles[side, 0], motion.rod_angles[side, 1] = front.angle, rear.angle
-    motion.cycle_angles[side] = advance_gait(gait, rods.time_constant, time_step)
+    motion.cycle_angles[side] = advance_gait(rods, gait, time_step)
     return -1
 
 
