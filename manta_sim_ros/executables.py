@@ -1,6 +1,7 @@
-"""The executables. Ctrl-C and SIGTERM end them at any time without a traceback, nodes with status 0.
+"""The executables. Ctrl-C, SIGTERM and SIGHUP end them at any time without a traceback, nodes with status 0.
 
-The handlers are set before the imports, which take a second or two.
+Signals are heard before the imports begin, which take a second or two. When the reader of the output ends first, as
+`head` does, they end quietly with status 0.
 """
 
 from __future__ import annotations
@@ -8,9 +9,9 @@ from __future__ import annotations
 import importlib
 import importlib.util
 import os
-import signal
 import sys
-from types import FrameType
+
+from manta_sim_ros.signals import on_ending
 
 NEEDS_ROS = 'ROS 2, which is not installed or not sourced: source its setup file first'
 NEEDS_FIGURES = "the extra 'figures': pip install 'manta_sim_ros[figures]'"
@@ -42,11 +43,7 @@ def _run(module: str, needs: str, packages: tuple[str, ...] = (), interrupted: i
 
     `packages` are those that the module imports only when it needs them.
     """
-    def end(signum: int, frame: FrameType | None) -> None:
-        os._exit(interrupted)  # nothing has begun yet; `main` sets its own handlers
-
-    for ending in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(ending, end)
+    on_ending(lambda: os._exit(interrupted))  # nothing has begun yet; `main` takes over
     try:
         for package in packages:
             if importlib.util.find_spec(package) is None:
@@ -55,4 +52,11 @@ def _run(module: str, needs: str, packages: tuple[str, ...] = (), interrupted: i
     except ModuleNotFoundError as error:
         name = os.path.basename(sys.argv[0])
         sys.exit(f'{name}: there is no module {error.name}; {name} needs {needs}')
-    main()
+    try:
+        try:
+            main()
+        finally:
+            sys.stdout.flush()
+    except BrokenPipeError:
+        with open(os.devnull, 'w') as nowhere:  # else Python would try again at its end, and complain
+            os.dup2(nowhere.fileno(), sys.stdout.fileno())

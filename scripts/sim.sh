@@ -8,8 +8,7 @@ set -um  # with job control each node has its own process group: Ctrl-C reaches 
 say() { printf '%s\n' "manta_sim_ros: $*"; }
 fail() { stop; say "$*" >&2; exit 1; }
 
-# End the nodes that still run: SIGTERM once a second, and SIGKILL after ten seconds. (rclpy loses a signal that comes
-# while it starts.)
+# End the nodes that still run: SIGTERM once a second, and SIGKILL after ten seconds.
 stop() {
   local running tenth
   trap '' INT TERM HUP

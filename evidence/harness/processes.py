@@ -50,6 +50,12 @@ class NodeProcess:
     def output(self):
         return self._log.read_text(errors='replace')
 
+    @property
+    def shared_memory(self):
+        """Files of Fast DDS in /dev/shm that it has opened now."""
+        lines = Path(f'/proc/{self.process.pid}/maps').read_text().splitlines()
+        return {Path(line.split()[5]) for line in lines if '/dev/shm/fast' in line and 'port' not in line}
+
     def check_running(self):
         if not self.may_end and self.process.poll() is not None:
             raise AssertionError(f'{self.name} ended with status {self.process.returncode}')

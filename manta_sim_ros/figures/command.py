@@ -29,6 +29,7 @@ from manta_sim_ros.figures.gaits import TURNS, robot
 from manta_sim_ros.figures.jobs import Done, Job, run_jobs, say
 from manta_sim_ros.figures.style import save_png
 from manta_sim_ros.figures.turning import Turning
+from manta_sim_ros.signals import ENDING, ignore_endings, on_ending
 
 FIGURES = ('figure_7', 'figure_8', 'figure_9', 'figure_10', 'figure_11')
 NAMES = (*FIGURES, *ANIMATIONS)
@@ -136,18 +137,19 @@ def made_directory(path: Path) -> Path:
 def main(args: Sequence[str] | None = None) -> None:
     """Run the command; the exit status is 0, 1 after a failure, 2 for wrong arguments, or 130 after Ctrl-C."""
     options = _parser().parse_intermixed_args(args)
-    for ending in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+    for ending in ENDING:
         signal.signal(ending, _interrupt)
+    on_ending(None)
     os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')  # one thread in each process that is started
     start = time.monotonic()
     try:
         directory = made_directory(options.output)
         clear_abandoned(directory)
-        compile_kernels(robot(), lambda line: print(line, file=sys.stderr))
+        compile_kernels(robot(), lambda line: say(line, sys.stderr))
         jobs = figure_jobs(directory, options.names or NAMES)
         run_jobs(jobs, options.processes)
     except KeyboardInterrupt:
-        print('paper_figures: interrupted; finished files are kept', file=sys.stderr)
+        say('paper_figures: interrupted; finished files are kept', sys.stderr)
         sys.exit(130)
     except BrokenExecutor:
         sys.exit('paper_figures: one of its processes was killed (out of memory?); finished files are kept')
@@ -160,8 +162,7 @@ def main(args: Sequence[str] | None = None) -> None:
 
 
 def _interrupt(signum: int, frame: FrameType | None) -> None:
-    for ending in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):  # further signals are ignored
-        signal.signal(ending, signal.SIG_IGN)
+    ignore_endings()  # further signals
     raise KeyboardInterrupt
 
 

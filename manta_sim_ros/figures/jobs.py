@@ -11,7 +11,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Sequence
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TextIO
 
 from tqdm import tqdm
 
@@ -75,13 +75,14 @@ def run_jobs(jobs: Sequence[Job], processes: int | None = None) -> list[Any]:
     return [run.result()[0] for run in runs]
 
 
-def say(line: str) -> None:
-    """Print a line at once; if the reader of the output is gone, continue without printing."""
+def say(line: str, file: TextIO | None = None) -> None:
+    """Print a line at once, by default to standard output; if its reader is gone, continue without printing."""
+    file = sys.stdout if file is None else file
     try:
-        print(line, flush=True)
+        print(line, file=file, flush=True)
     except BrokenPipeError:
         with open(os.devnull, 'w') as nowhere:  # otherwise Python's flush at the end would fail
-            os.dup2(nowhere.fileno(), sys.stdout.fileno())
+            os.dup2(nowhere.fileno(), file.fileno())
 
 
 def _taken(parts: Any) -> int:

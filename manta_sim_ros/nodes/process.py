@@ -1,21 +1,29 @@
-"""Start and end of the executables: one line for an error, exit status 0 for Ctrl-C and SIGTERM."""
+"""Start and end of the nodes: one line for an error, exit status 0 for Ctrl-C, SIGTERM and SIGHUP."""
 
 from __future__ import annotations
 
+import contextlib
 import os
-import signal
 import sys
+import threading
 from collections.abc import Callable
-from types import FrameType
 from typing import TypeVar
 
 import rclpy
 from rclpy.exceptions import ParameterException
 from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
+from rclpy.signals import SignalHandlerOptions
 
 from manta_sim_ros.dynamics import cut
 from manta_sim_ros.nodes.arguments import check_arguments, warn_of_parameters_for_others
+from manta_sim_ros.signals import ignore_endings, on_ending
+
+GRACE = 0.5
+"""Time in which the main thread ends by itself after a signal, if it does not compute [s]."""
+
+END_LIMIT = 2.0
+"""Longest time from a signal to the end of the process, whatever hangs [s]."""
 
 Started = TypeVar('Started')
 NodeType = TypeVar('NodeType', bound=Node)
@@ -30,47 +38,57 @@ def run_node(
     spin: Callable[[NodeType], None],
     args: list[str] | None,
 ) -> None:
-    """Make a node, start it, and spin it until it is interrupted or the context is shut down.
+    """Make a node, start it, and spin it until the context is shut down. A signal ends the process with status 0.
 
     If ROS 2 arguments or a parameter are invalid, the process ends with status 1 and one line on standard error, and
     with status 2 if there are other arguments. What has no effect is warned of.
     """
-    spinning = interrupted = False
+    node: NodeType | None = None
+    interrupted = False
+    lock, left = threading.Lock(), threading.Event()
 
-    def interrupt(signum: int, frame: FrameType | None) -> None:
+    def destroy() -> None:
+        nonlocal node
+        with lock:
+            present, node = node, None
+            if present is not None:
+                present.destroy_node()  # else it leaves shared memory
+            rclpy.try_shutdown()
+
+    def end() -> None:  # in the thread of the signals, as the main thread may be compiling or computing
         nonlocal interrupted
-        if not spinning:  # perhaps in the middle of a compilation, which catches exceptions
-            os._exit(0)
         interrupted = True
-        raise KeyboardInterrupt  # rclpy may turn it into another exception
+        limit = threading.Timer(END_LIMIT, os._exit, [0])
+        limit.daemon = True
+        limit.start()
+        with contextlib.suppress(Exception):
+            with lock:
+                rclpy.try_shutdown()  # ends `spin` where it waits
+            left.wait(GRACE)
+            destroy()
+        os._exit(0)
 
-    def report(unraisable: sys.UnraisableHookArgs) -> None:
-        # a signal in a destructor: its exception ends nothing, but rclpy has shut the context down
-        if not (interrupted and issubclass(unraisable.exc_type, KeyboardInterrupt)):
-            sys.__unraisablehook__(unraisable)
-
-    for ending in (signal.SIGINT, signal.SIGTERM):  # rclpy's own handlers shut its context down and call these
-        signal.signal(ending, interrupt)
-    sys.unraisablehook = report
+    on_ending(end)
     try:
-        _or_exit(lambda: rclpy.init(args=args))
+        _or_exit(lambda: rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO))
         arguments = sys.argv if args is None else args
         check_arguments(make, arguments)
-        node = _or_exit(make)
-        warn_of_parameters_for_others(node, arguments)
-        start(node)
-        spinning = True
-        spin(node)
+        made = node = _or_exit(make)
+        warn_of_parameters_for_others(made, arguments)
+        for phase in (start, spin):
+            if not interrupted:
+                phase(made)
     except (KeyboardInterrupt, ExternalShutdownException):
         pass
-    except Exception:
-        if not interrupted:  # else it is a consequence of the interruption
+    except (Exception, SystemExit):
+        if not interrupted:  # else it is a consequence of the shutdown
             raise
     finally:
-        spinning = False  # a second signal must not interrupt the end
-        rclpy.try_shutdown()
-        for ending in (signal.SIGINT, signal.SIGTERM):
-            signal.signal(ending, signal.SIG_IGN)
+        left.set()
+        destroy()
+        if interrupted:
+            os._exit(0)  # the end of the interpreter takes a second
+        ignore_endings()
 
 
 def _or_exit(begin: Callable[[], Started]) -> Started:

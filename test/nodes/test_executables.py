@@ -1,10 +1,17 @@
 """The executables end quietly from their first moment on, before any node is there."""
 
 import os
+import signal
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
+
+from evidence.harness.processes import LIMIT, command_of
+
+SIGNALS = ['SIGINT', 'SIGTERM', 'SIGHUP']
+OWN_DOMAIN = {'ROS_DOMAIN_ID': str(int(os.environ['ROS_DOMAIN_ID']) + 100)}  # its shared memory belongs to one process
 
 INTERRUPTED_IMPORT = """
 import os, signal, sys
@@ -23,7 +30,7 @@ print('not ended')
 """
 
 
-@pytest.mark.parametrize('ending', ['SIGINT', 'SIGTERM'])
+@pytest.mark.parametrize('ending', SIGNALS)
 @pytest.mark.parametrize(('executable', 'imported', 'status'), [
     ('sim_node', 'rclpy', 0), ('gait_node', 'rclpy', 0), ('monitor_node', 'rclpy', 0), ('paper_figures', 'tqdm', 130)])
 def test_a_signal_in_the_middle_of_an_import_ends_it_with_its_status_and_no_traceback(
@@ -35,36 +42,117 @@ def test_a_signal_in_the_middle_of_an_import_ends_it_with_its_status_and_no_trac
     assert process.stderr == ''
 
 
-INTERRUPTED_DESTRUCTOR = """
-import os, signal, time
+INTERRUPTED_PHASE = """
+import hashlib, os, signal, time
 import rclpy
 from rclpy.node import Node
 from manta_sim_ros.nodes.process import run_node
 
-class Interrupter:
-    def __del__(self):
+def compute():
+    hashlib.pbkdf2_hmac('sha256', b'', b'', 2**31 - 1)  # minutes in C, as a compilation or many time steps
+
+def reach(phase, then=lambda: None):
+    if phase == '{phase}':
+        print(*{{name for line in open('/proc/self/maps') for name in line.split()[5:]
+                if '/dev/shm/fast' in name and 'port' not in name}}, flush=True)
         os.kill(os.getpid(), signal.{ending})
-        time.sleep(0.1)
-        print('destroyed')
+        then()
 
 class Interrupted(Node):
     def __init__(self):
+        reach('before the node')
         super().__init__('interrupted')
-        self.create_timer(0.01, Interrupter)
+        reach('constructor')
+        self.create_publisher(rclpy.node.ParameterEvent, 'events', 10)
+        self.create_timer(0.01, self.call_back)
 
-run_node(Interrupted, lambda node: None, rclpy.spin, [])
-print('ended')
+    def call_back(self):
+        reach('callback')
+        reach('computing callback', compute)
+        reach('destructor', self.leave)
+
+    def leave(self):
+        class Left:
+            def __del__(self):
+                time.sleep(0.1)
+        Left()
+
+def start(node):
+    reach('start')
+    reach('computing start', compute)
+
+run_node(Interrupted, start, rclpy.spin, [])
+"""
+
+PHASES = ['before the node', 'constructor', 'start', 'computing start', 'callback', 'computing callback', 'destructor']
+
+
+@pytest.mark.parametrize('ending', SIGNALS)
+@pytest.mark.parametrize('phase', PHASES)
+def test_a_signal_in_any_phase_ends_a_node_quietly_and_leaves_no_shared_memory(phase, ending):
+    before = set(Path('/dev/shm').iterdir())
+    code = INTERRUPTED_PHASE.format(phase=phase, ending=ending)
+    process = subprocess.run(
+        [sys.executable, '-c', code], capture_output=True, text=True, timeout=LIMIT, env=os.environ | OWN_DOMAIN)
+    assert process.returncode == 0
+    assert process.stderr == ''
+    line = process.stdout.splitlines()[0]  # a callback may be called again
+    files = {Path(name) for name in line.split()} - before
+    assert bool(files) is (phase != 'before the node')
+    assert [file for file in files if file.exists()] == []
+
+
+HANGING_END = """
+import os, signal, threading
+import rclpy
+from rclpy.node import Node
+from manta_sim_ros.nodes.process import run_node
+
+class Hanging(Node):
+    def destroy_node(self):
+        threading.Event().wait()
+
+run_node(lambda: Hanging('hanging'), lambda node: os.kill(os.getpid(), signal.SIGTERM), rclpy.spin, [])
 """
 
 
-@pytest.mark.parametrize('ending', ['SIGINT', 'SIGTERM'])
-def test_a_signal_in_the_middle_of_a_destructor_ends_it_quietly(ending):
-    """Python reports an exception of a destructor, as the garbage collector of rclpy calls many, and goes on."""
-    code = INTERRUPTED_DESTRUCTOR.format(ending=ending)
-    process = subprocess.run([sys.executable, '-c', code], capture_output=True, text=True, timeout=120)
-    assert process.returncode == 0
-    assert process.stdout == 'ended\n'  # the destructor was interrupted
-    assert process.stderr == ''
+def test_a_signal_ends_a_node_that_cannot_be_destroyed():
+    process = subprocess.run([sys.executable, '-c', HANGING_END], capture_output=True, text=True, timeout=LIMIT)
+    assert (process.returncode, process.stdout, process.stderr) == (0, '', '')
+
+
+def test_nohup_lets_a_node_live_when_its_terminal_is_closed():
+    code = """
+import signal, sys
+signal.signal(signal.SIGHUP, signal.SIG_IGN)
+from manta_sim_ros import executables
+executables.monitor_node()
+"""
+    process = subprocess.Popen([sys.executable, '-c', code], stdout=subprocess.PIPE, text=True)
+    try:
+        assert process.stdout.readline() == 'waiting for /odom\n'
+        process.send_signal(signal.SIGHUP)
+        with pytest.raises(subprocess.TimeoutExpired):
+            process.wait(2.0)
+    finally:
+        process.terminate()
+        assert process.wait(LIMIT) == 0
+
+
+@pytest.mark.parametrize('executable', ['monitor_node', 'paper_figures'])
+def test_an_output_that_nobody_reads_any_more_ends_it_quietly(executable):
+    reads, writes = os.pipe()
+    os.close(reads)
+    process = subprocess.Popen(
+        [*command_of(executable), *(['--help'] if executable == 'paper_figures' else [])],
+        stdin=subprocess.DEVNULL, stdout=writes, stderr=subprocess.PIPE, text=True,
+        env=os.environ | {'PYTHONUNBUFFERED': ''})  # so that Python writes at the end
+    os.close(writes)
+    try:
+        _, errors = process.communicate(timeout=LIMIT)
+    finally:
+        process.kill()
+    assert (process.returncode, errors) == (0, '')
 
 
 @pytest.mark.parametrize('variables', [{'HOME': '/proc/none'}, {'HOME': None}, {'ROS_LOG_DIR': '/proc/none'}])

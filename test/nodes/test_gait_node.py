@@ -90,7 +90,7 @@ def test_lists_and_single_numbers_of_its_parameters_are_gaits_in_degrees_and_her
     assert robot.latest == [*angles[:2], 0.3, 0.4, *angles[2:]]
 
 
-@pytest.mark.parametrize('ending', [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize('ending', [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_a_signal_ends_it(launch, robot, ending):
     node = launch('gait_node', '-p use_sim_time:=true')
     robot.until(lambda: robot.commands, 'a command')

@@ -1,7 +1,9 @@
 """How `sim_node` starts, lives beside others, survives and ends."""
 
+import os
 import re
 import signal
+from pathlib import Path
 
 import pytest
 from geometry_msgs.msg import PoseStamped, WrenchStamped
@@ -15,7 +17,7 @@ STRAIGHT = [0.7, 0.7, 0.6, 0.6, 0.7, 0.7]
 VIOLENT = [0.8, 0.8, 4.0, 4.0, 0.7, 0.7]
 COMPILING = 'compiling the dynamics'
 OWN_CLOCK = '-r /clock:=/elsewhere/clock'
-SIGNALS = [signal.SIGINT, signal.SIGTERM]
+SIGNALS = [signal.SIGINT, signal.SIGTERM, signal.SIGHUP]
 
 
 @pytest.fixture(scope='module', autouse=True)
@@ -44,12 +46,16 @@ def test_a_signal_ends_it_while_it_runs(launch, probe, ending):
 
 
 @pytest.mark.parametrize('ending', SIGNALS)
-def test_a_signal_ends_it_while_it_compiles(launch, tmp_path, ending):
-    node = launch('sim_node', environment={'NUMBA_CACHE_DIR': str(tmp_path)})
+def test_a_signal_ends_it_while_it_compiles_and_leaves_no_shared_memory(launch, tmp_path, ending):
+    before = set(Path('/dev/shm').iterdir())
+    domain = str(int(os.environ['ROS_DOMAIN_ID']) + 100)  # where nobody else uses its shared memory
+    node = launch('sim_node', environment={'NUMBA_CACHE_DIR': str(tmp_path), 'ROS_DOMAIN_ID': domain})
     node.wait_for_output(COMPILING)
+    files = node.shared_memory - before
     node.send(ending)
     assert node.exit_status() == 0
     assert 'Traceback' not in node.output and 'Error' not in node.output
+    assert files and not [file for file in files if file.exists()]
 
 
 @pytest.mark.parametrize('ending', SIGNALS)

@@ -282,7 +282,7 @@ def test_without_commands_for_too_long_the_fins_glide_to_rest_until_the_next(hel
     assert max(largest_force() for _ in range(2)) > 5.0
 
 
-@pytest.mark.parametrize('ending', [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize('ending', [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_paused_it_ends_with_status_zero(launch, probe, ending):
     name = f'ended_by_{ending.name.lower()}'  # one of its own: the graph remembers those before for a while
     node = launch('sim_node', f'-p start_paused:=true -r __ns:=/{name} -r /clock:=/{name}/clock')
