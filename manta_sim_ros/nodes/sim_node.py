@@ -102,6 +102,8 @@ class SimNode(ParameterNode):
             if self._leader.followed and getattr(own, name) != getattr(default, name):
                 self.get_logger().warning(f'{name} has no effect: {FOLLOWS}')
         self._set_pace()
+        self.get_logger().info(
+            f'ready{" and paused" if self._time.paused else ""}: publish fin commands on {self._commands.topic_name}')
 
     def spin(self) -> None:
         """Simulate on the steady clock and run callbacks in between, until the context is shut down.

@@ -1,5 +1,6 @@
 """How `sim_node` starts, lives beside others, survives and ends."""
 
+import math
 import os
 import re
 import signal
@@ -149,3 +150,15 @@ def test_the_first_start_says_once_that_it_compiles_and_the_second_not_at_all(fi
     with probe.record(Odometry, '/second/odom') as odometry:
         probe.until(lambda: odometry, 'odometry of the second')
     assert COMPILING not in second.output
+    for node, name in (first, 'first'), (second, 'second'):
+        assert node.output.count(f'ready: publish fin commands on /{name}/fin_command') == 1
+    assert first.output.index(COMPILING) < first.output.index('ready')
+
+
+def test_when_it_is_ready_one_line_names_the_topic_to_command(launch, probe, commander):
+    node = launch('sim_node', f'-r fin_command:=/gaits -r __ns:=/named {OWN_CLOCK} -p start_paused:=true')
+    node.wait_for_output('ready and paused: publish fin commands on /gaits')
+    commands = probe.node.create_publisher(Float64MultiArray, '/gaits', 10)
+    probe.until(commands.get_subscription_count, 'its subscription')
+    probe.until(lambda: 'refused' in node.output, 'a command', doing=commander('/gaits', [math.nan]))
+    probe.node.destroy_publisher(commands)
