@@ -2,12 +2,17 @@
 
 import itertools
 import math
+import re
 import signal
+import subprocess
 
 import pytest
 from builtin_interfaces.msg import Time
+from geometry_msgs.msg import Pose, PoseWithCovariance, Quaternion
 from nav_msgs.msg import Odometry
 from sensor_msgs.msg import JointState
+
+from evidence.harness.processes import command_of
 
 SPEED, DEPTH, HEADING = 0.25, 1.5, 60.0  # [m/s, m, degrees]
 RODS = ['left_front_rod', 'left_rear_rod', 'right_front_rod', 'right_rear_rod']
@@ -94,11 +99,74 @@ def test_speed_and_power_are_means_of_the_same_time_since_the_last_line(launch, 
         assert float(line[6]) == pytest.approx(10.0, abs=0.4)
 
 
+@pytest.fixture
+def publish(probe):
+    """Publishes odometry with a stamp [s]."""
+    publisher = probe.node.create_publisher(Odometry, 'odom', 10)
+
+    def publish(stamp):
+        message = Odometry()
+        message.header.stamp = Time(sec=int(stamp), nanosec=round(stamp % 1.0 * 1e9))
+        message.pose.pose.orientation.w = 1.0
+        publisher.publish(message)
+
+    yield publish
+    probe.node.destroy_publisher(publisher)
+
+
+def rows(node):
+    """Return the real-time factors of the lines that it has printed about the robot."""
+    return [float(row.split()[4]) for row in node.output.splitlines() if re.match(r'\s*\d', row)]
+
+
+def test_while_no_odometry_comes_it_says_for_how_long_and_then_goes_on(launch, probe):
+    node = launch('monitor_node', '-r odom:=/swum')
+    publisher = probe.node.create_publisher(Odometry, '/swum', 10)
+
+    def send():
+        publisher.publish(Odometry(pose=PoseWithCovariance(pose=Pose(orientation=Quaternion(w=1.0)))))
+
+    def silences():
+        return [int(n) for n in re.findall(r'^no /swum for (\d+) s$', node.output, re.MULTILINE)]
+
+    probe.until(lambda: rows(node), 'a line', doing=send)
+    assert silences() == []
+    probe.until(lambda: len(silences()) > 2, 'three lines about the silence')
+    assert silences() == sorted(silences()) and 2 <= silences()[0] < silences()[-1]
+    before = len(rows(node))
+    probe.until(lambda: len(rows(node)) > before, 'a line', doing=send)
+    probe.node.destroy_publisher(publisher)
+
+
+def test_it_says_that_time_went_back_and_its_factors_stay_positive(launch, probe, publish):
+    node = launch('monitor_node')
+    node.wait_for_output('waiting for /odom')
+    stamps = itertools.chain((12.0 + 0.01 * k for k in range(31)), (0.01 * k for k in itertools.count()))
+    probe.until(lambda: 'back' in node.output, 'it to see that', doing=lambda: publish(next(stamps)), every=0.05)
+    probe.until(lambda: len(rows(node)) > 2, 'lines after it', doing=lambda: publish(next(stamps)), every=0.05)
+    restarts = re.findall(r'^time went back .*$', node.output, re.MULTILINE)
+    assert restarts == ['time went back from 12.3 s to 0.0 s: the simulator was restarted']
+    assert min(rows(node)) >= 0.0
+
+
+def test_it_ends_quietly_when_nobody_reads_its_lines_any_more(probe, publish):
+    process = subprocess.Popen(
+        command_of('monitor_node'), stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+    try:
+        process.stdout.readline()
+        process.stdout.close()
+        probe.until(lambda: process.poll() is not None, 'its end', doing=lambda: publish(1.0))
+        assert (process.returncode, process.stderr.read()) == (0, b'')
+    finally:
+        process.kill()
+        process.wait()
+
+
 def test_it_listens_in_its_namespace(launch):
     launch('monitor_node', '-r __ns:=/a').wait_for_output('waiting for /a/odom')
 
 
-@pytest.mark.parametrize('ending', [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize('ending', [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_a_signal_ends_it(launch, ending):
     node = launch('monitor_node')
     node.wait_for_output('waiting')
