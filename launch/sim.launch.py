@@ -8,13 +8,16 @@ from tempfile import NamedTemporaryFile
 import yaml
 from ament_index_python.packages import PackageNotFoundError, get_package_prefix, get_package_share_path
 from launch import LaunchDescription
-from launch.actions import DeclareLaunchArgument, ExecuteProcess, OpaqueFunction, Shutdown
+from launch.actions import DeclareLaunchArgument, ExecuteProcess, OpaqueCoroutine, OpaqueFunction, Shutdown
+from launch.logging import get_logger
 from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
 from launch_ros.actions import Node
 from launch_ros.substitutions import FindPackageShare
 from launch_ros.utilities import make_namespace_absolute, prefix_namespace
 
+from manta_sim_ros.dynamics import read_sections, values_for
 from manta_sim_ros.nodes.interface import TOPICS
+from manta_sim_ros.nodes.recording import run_when_recorded
 
 BOOLEANS = ['true', 'false', 'True', 'False']
 NEEDED = {
@@ -81,9 +84,17 @@ def processes(context):
         overrides |= {'publish_clock': wanted('publish_clock'), 'use_sim_time': not wanted('publish_clock')}
     if wanted('robot_state_publisher'):
         overrides['publish_fin_joints'] = True
-    simulated_time = {'use_sim_time': True}
     namespace = make_namespace_absolute(
         prefix_namespace(context.launch_configurations.get('ros_namespace'), value('namespace')) or '/').rstrip('/')
+    simulator, awaits_recorder = f'{namespace}/manta_sim', False
+    if wanted('record'):
+        recorders = recorders_of(context)
+        recorders[simulator] = recorder_name(namespace)
+        own = configured(config, simulator) | overrides
+        awaits_recorder = own.get('publish_clock', True) and not own.get('start_paused', False)
+        if awaits_recorder:
+            overrides['start_paused'] = True
+    simulated_time = {'use_sim_time': True}
 
     def node(package, executable, *parameters, **options):
         return Node(package=package, executable=executable, namespace=value('namespace'),
@@ -100,7 +111,25 @@ def processes(context):
         started.append(node('rviz2', 'rviz2', simulated_time, arguments=['-d', value('rviz_config')]))
     if wanted('record'):
         started.append(recorder(namespace, value('bag')))
+    if awaits_recorder:
+        started.append(OpaqueCoroutine(coroutine=run_when_recorded, ignore_context=True, args=[
+            simulator, recorders, get_logger('manta_sim_ros').warning]))
     return started
+
+
+def recorders_of(context):
+    """Return the names of all recorders by those of their simulators, which this and other launch files add to."""
+    if not hasattr(context.locals, 'manta_recorders'):
+        context.extend_globals({'manta_recorders': {}})
+    return context.locals.manta_recorders
+
+
+def configured(config, node):
+    """Return the parameters of a node in a parameter file; the simulator says what is wrong with the file."""
+    try:
+        return values_for(node, read_sections(config))
+    except (OSError, ValueError):
+        return {}
 
 
 def number(name, text):
@@ -132,8 +161,6 @@ def urdf(config, node, base_frame):
     """Return the URDF of the robot that a parameter file describes, with the parameters that ROS 2 takes for a node."""
     import xacro
 
-    from manta_sim_ros.dynamics import read_sections, values_for
-
     groups = {}
     path = get_package_share_path('manta_sim_ros') / 'urdf' / 'manta.urdf.xacro'
     try:
@@ -150,15 +177,19 @@ def urdf(config, node, base_frame):
 
 def recorder(namespace, bag):
     """Return the process that records the topics of the robot in a namespace."""
-    suffix = namespace.replace('/', '_')
-    bag = bag or f'rosbag2_{datetime.now():%Y_%m_%d-%H_%M_%S}{suffix}'
+    bag = bag or f'rosbag2_{datetime.now():%Y_%m_%d-%H_%M_%S}{namespace.replace("/", "_")}'
     if Path(bag).exists():
         raise RuntimeError(f'bag is {bag!r}, but that exists already')
     return ExecuteProcess(
         cmd=['ros2', 'bag', 'record', '--use-sim-time', '--disable-keyboard-controls', '--storage', 'mcap',
-             '--output', bag, '--node-name', f'rosbag2_recorder{suffix}',
+             '--output', bag, '--node-name', recorder_name(namespace),
              '--topics', *(topic if topic.startswith('/') else f'{namespace}/{topic}' for topic in RECORDED)],
         output='screen')
+
+
+def recorder_name(namespace):
+    """Return the name of the node that records the robot in a namespace."""
+    return f'rosbag2_recorder{namespace.replace("/", "_")}'
 
 
 def require(arguments):

@@ -1,8 +1,9 @@
 """A recorder in its own process, as `ros2 bag record` is one: it writes topics of any type into an MCAP file.
 
-    python recorder.py FILE TOPIC ...
+    python recorder.py FILE TOPIC ... [--ros-args ...]
 
-The package `mcap` writes the serialized messages with their definitions. For each message that was written, one line
+With the parameter `use_sim_time` it subscribes after it has heard a clock above 0, as `ros2 bag record` does. The
+package `mcap` writes the serialized messages with their definitions. For each message that was written, one line
 with its topic and its time of sending [ns, system clock] is printed. SIGINT or SIGTERM ends the recording.
 """
 
@@ -20,6 +21,7 @@ from mcap.well_known import Profile, SchemaEncoding
 from mcap.writer import CompressionType, Writer
 from rclpy.qos import QoSProfile
 from rclpy.signals import SignalHandlerOptions
+from rclpy.utilities import remove_ros_args
 
 from manta_sim_ros.nodes.qos import message_class
 
@@ -50,27 +52,29 @@ def record(node, writer, topics, ended):
         writer.add_message(channel, log_time=time.time_ns(), publish_time=sent, data=message)
         print(topic, sent, flush=True)
 
+    simulated = node.get_parameter('use_sim_time').value
     awaited = set(topics)
     while not ended.is_set():
-        for topic in sorted(awaited):
+        for topic in sorted(awaited if not simulated or node.get_clock().now().nanoseconds > 0 else ()):
             if publishers := node.get_publishers_info_by_topic(topic):
                 name, offered = publishers[0].topic_type, publishers[0].qos_profile
                 schema = writer.register_schema(name, SchemaEncoding.ROS2, definition(name).encode())
                 channel = writer.register_channel(topic, 'cdr', schema)
                 node.create_subscription(
                     message_class(name), topic, functools.partial(write, channel, topic),
-                    QoSProfile(depth=DEPTH, reliability=offered.reliability), raw=True)
+                    QoSProfile(depth=DEPTH, reliability=offered.reliability, durability=offered.durability),
+                    raw=True)
                 awaited.remove(topic)
         rclpy.spin_once(node, timeout_sec=0.1)
 
 
 def main():
-    path, *topics = sys.argv[1:]
+    path, *topics = remove_ros_args(sys.argv)[1:]
     ended = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: ended.set())  # an exception could cut a message off
     with Path(path).open('wb') as file:
-        rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
+        rclpy.init(args=sys.argv, signal_handler_options=SignalHandlerOptions.NO)
         writer = Writer(file, compression=CompressionType.NONE)
         writer.start(profile=Profile.ROS2)
         record(rclpy.create_node('recorder'), writer, topics, ended)

@@ -192,7 +192,8 @@ def test_the_frames_are_those_of_the_parameters_that_the_node_takes(launched, tm
 
 @needs_launch
 def test_a_recording_is_of_all_topics_in_the_namespace_stamped_with_simulated_time(launched, tmp_path):
-    (bag, _), _, _ = launched(SIM, 'gait:=false record:=true bag:=mine namespace:=m1', expected=2)
+    (bag, simulator), _, _ = launched(SIM, 'gait:=false record:=true bag:=mine namespace:=m1', expected=2)
+    assert simulator.parameters['start_paused'] is True  # until the recorder has subscribed
     assert bag.words[:2] == ['bag', 'record']
     assert '--use-sim-time' in bag.words
     options = [bag.words[bag.words.index(option) + 1] for option in ('--storage', '--output', '--node-name')]
@@ -290,5 +291,7 @@ def test_two_mantas_are_seen_in_one_rviz_and_recorded_to_a_bag_each(launched):
     assert Path(rviz.words[rviz.words.index('-d') + 1]).samefile(ROOT / 'rviz' / 'two_mantas.rviz')
     for publisher, name in zip(programs, ('manta_1', 'manta_2')):
         assert f'<link name="{name}/base_link"/>' in publisher.parameters['robot_description']
+    leader, follower = (each.parameters for each in programs[5:])
+    assert leader['start_paused'] is True and follower['start_paused'] is False  # it follows the clock of the other
     bags = {each.words[each.words.index('--output') + 1][-8:] for each in programs[2:4]}
     assert bags == {'_manta_1', '_manta_2'}

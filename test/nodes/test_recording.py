@@ -1,13 +1,16 @@
 """What a recorder finds on the topics, read back with `rosbags`: every message, in order, as the library has it."""
 
+import asyncio
 import re
 import shutil
 import signal
 import subprocess
 import sys
+import threading
 from pathlib import Path
 
 import pytest
+from rcl_interfaces.srv import GetParameters
 from rosgraph_msgs.msg import Clock
 
 from evidence import harness
@@ -15,6 +18,7 @@ from evidence.harness.lockstep import LockstepRobot
 from evidence.harness.processes import LIMIT
 from manta_sim_ros.dynamics import FinCommand, Parameters, Simulator
 from manta_sim_ros.nodes.qos import message_class
+from manta_sim_ros.nodes.recording import run_when_recorded
 
 AnyReader = pytest.importorskip('rosbags.highlevel').AnyReader
 pytest.importorskip('mcap')
@@ -62,11 +66,12 @@ class Recorder:
         return self._process.wait(LIMIT)
 
 
-def mcap_recorder(directory, topics):
+def mcap_recorder(directory, topics, ros_arguments=()):
     """Start the recorder of the harness, which says of each message when it was sent."""
     bag = directory / 'bag.mcap'
     script = Path(harness.__file__).with_name('recorder.py')
-    return Recorder([sys.executable, str(script), str(bag), *topics], bag, r'(/\S+) (\d+)\n')
+    return Recorder(
+        [sys.executable, str(script), str(bag), *topics, '--ros-args', *ros_arguments], bag, r'(/\S+) (\d+)\n')
 
 
 def ros2_recorder(directory, topics):
@@ -125,8 +130,9 @@ def swim(module_launch, probe, tmp_path_factory):
             end = robot.step()
             probe.until(
                 lambda: all(messages and stamp(messages[-1]) == end for messages in sent.values()), 'all outputs')
-            last = {topic: str(messages.sent[-1]) for topic, messages in sent.items()}
-            probe.until(lambda: recorder.heard == last, f'what is sent until {end} ns in the bag')
+            probe.until(  # also what is repeated for who came late
+                lambda: recorder.heard == {topic: str(messages.sent[-1]) for topic, messages in sent.items()},
+                f'what is sent until {end} ns in the bag')
             return end
 
         probe.until(lambda: recorder.heard.keys() == types.keys(), 'a message of each topic', doing=robot.step)
@@ -194,3 +200,35 @@ def test_a_recording_of_running_time_has_no_gap(launch, probe, tmp_path, start):
         assert len(stamps[topic]) == 1 + (last - first) * rate // SECOND > DURATION * rate // 2
         assert {after - before for before, after in zip(stamps[topic], stamps[topic][1:])} == {SECOND // rate}
     assert stamps['diagnostics'] == sorted(set(stamps['diagnostics']))
+
+
+@pytest.mark.parametrize('step_duration', [0.01, 0.5])
+def test_a_recording_that_is_awaited_begins_with_the_first_output(launch, probe, tmp_path, step_duration):
+    name = f'awaited_{step_duration:g}'.replace('.', '_')
+    simulator, topics = f'/{name}/manta_sim', {topic: f'/{name}/{topic}' for topic in [*RATES, 'diagnostics']}
+    launch('sim_node', f'-r __ns:=/{name} -r /clock:=clock -r /diagnostics:=diagnostics -p start_paused:=true '
+                       f'-p step_duration:={step_duration}')
+    warnings = []
+    recorder_name = f'recorder_of_{name}'
+    awaiting = threading.Thread(target=lambda: asyncio.run(run_when_recorded(
+        simulator, {simulator: recorder_name}, warnings.append)))
+    in_simulated_time = [
+        '-r', f'__node:={recorder_name}', '-r', f'/clock:={topics["clock"]}', '-p', 'use_sim_time:=true']
+    with probe.record(Clock, topics['clock']) as clock, \
+            mcap_recorder(tmp_path, topics.values(), in_simulated_time) as recorder:
+        probe.until(lambda: recorder_name in probe.node.get_node_names(), 'the recorder')
+        awaiting.start()
+        probe.until(lambda: not awaiting.is_alive(), 'the simulator to run')
+        probe.until(lambda: clock and clock.stamps[-1] > SECOND, 'a second of simulated time')
+        assert recorder.end() == 0, recorder.output
+    _, messages = read(recorder.bag)
+    for topic, rate in RATES.items():
+        stamps = [stamp(message) for message in messages[topics[topic]]]
+        period = SECOND // rate
+        first = -(-stamps[0] // period) * period  # a late recorder gets the present state, too
+        assert first == 0 if topic not in ('clock', 'fin_markers') else first <= SECOND // 10  # those keep no messages
+        assert stamps == sorted(stamps) and stamps[-1] > SECOND // 2
+        assert set(range(first, stamps[-1] + 1, period)) <= set(stamps)
+    assert warnings == []
+    answer = probe.call(GetParameters, f'{simulator}/get_parameters', names=['step_duration'])
+    assert answer.values[0].double_value == step_duration
