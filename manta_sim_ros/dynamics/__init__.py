@@ -2,6 +2,7 @@
 
 from manta_sim_ros.dynamics.command import REST, SIDES, FinCommand
 from manta_sim_ros.dynamics.load import fin_loads, immersed_shares
+from manta_sim_ros.dynamics.noise import gaussian_noise
 from manta_sim_ros.dynamics.parameter_file import read_sections, values_for
 from manta_sim_ros.dynamics.parameters import MONOLITHIC, SEQUENTIAL, Parameters
 from manta_sim_ros.dynamics.quantity import (
@@ -31,7 +32,7 @@ from manta_sim_ros.dynamics.surface import fin_surfaces, rod_rates, support_angl
 __all__ = [
     'LARGEST_SEED', 'MONOLITHIC', 'REST', 'SEQUENTIAL', 'SIDES', 'DivergenceError', 'FinCommand', 'FloatArray',
     'ModelWarning', 'ParameterGroup', 'Parameters', 'Quantity', 'Simulator', 'StabilityWarning', 'State', 'Vector',
-    'body_warning', 'compile_kernels', 'cut', 'fin_dynamics', 'fin_loads', 'fin_surfaces', 'immersed_shares',
-    'largest_stable_step', 'quantity', 'read_sections', 'rod_rates', 'shown', 'shown_name', 'shown_names',
-    'step_warning', 'support_angles', 'support_rates', 'turn_warning', 'values_for',
+    'body_warning', 'compile_kernels', 'cut', 'fin_dynamics', 'fin_loads', 'fin_surfaces', 'gaussian_noise',
+    'immersed_shares', 'largest_stable_step', 'quantity', 'read_sections', 'rod_rates', 'shown', 'shown_name',
+    'shown_names', 'step_warning', 'support_angles', 'support_rates', 'turn_warning', 'values_for',
 ]

@@ -6,11 +6,15 @@ import math
 
 import numpy as np
 
+from manta_sim_ros.dynamics.noise import gaussian_noise
 from manta_sim_ros.dynamics.parameters import Water
 from manta_sim_ros.dynamics.quantity import FloatArray
 
 INTERVAL = 0.01
 """Time for which a deviation is constant [s]: the shortest correlation time that is allowed."""
+
+STREAM = 0
+"""Stream of the noise of the current."""
 
 ROUNDING = 1e-6
 """Largest difference of a time from the end of an interval to count as the end, in intervals: decimal rounding."""
@@ -27,8 +31,7 @@ def deviation_at(water: Water, deviation: FloatArray, began: float, time: float)
     kept = math.exp(-INTERVAL / water.current_correlation_time)
     new = math.sqrt(1.0 - kept * kept) * np.array(water.current_deviation)
     for interval in range(_interval(began) + 1, _interval(time) + 1):
-        noise = np.random.Generator(np.random.Philox(key=water.current_seed, counter=[0, 0, 0, interval % 2**64]))
-        deviation = kept * deviation + new * noise.standard_normal(3)
+        deviation = kept * deviation + new * gaussian_noise(water.current_seed, STREAM, interval, 3)
     return deviation
 
 

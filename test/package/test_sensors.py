@@ -3,14 +3,15 @@
 import dataclasses
 import itertools
 import math
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
 from evidence.scenarios import SWIM, TURN, sized
-from manta_sim_ros.dynamics import MONOLITHIC, SEQUENTIAL, Simulator, State
-from manta_sim_ros.sensors import Imu, Pressure, read_imu, read_pressure
+from manta_sim_ros.dynamics import LARGEST_SEED, MONOLITHIC, SEQUENTIAL, Simulator, State, gaussian_noise
+from manta_sim_ros.sensors import IMU_STREAM, Imu, Pressure, read_imu, read_pressure
 
 EXACT_IMU = Imu(acceleration_noise=0.0, angular_velocity_noise=0.0, orientation_noise=0.0)
 EXACT_PRESSURE = Pressure(noise=0.0)
@@ -129,6 +130,36 @@ def test_the_same_seed_reads_the_same_at_the_same_time_and_another_another():
     pressures = {read_pressure(Pressure(seed=seed), PARAMETERS, state(time=time))
                  for seed, time in itertools.product((1, 2, 10**9), (-1.0, 0.0, 1.25, 1.252))}
     assert len(pressures) == 12
+
+
+@pytest.mark.filterwarnings('error')
+def test_the_noise_differs_from_moment_to_moment_before_time_zero_too():
+    pressures = {read_pressure(Pressure(), PARAMETERS, state(time=-0.001 * tick)) for tick in range(100)}
+    assert len(pressures) == 100
+
+
+def test_the_noise_is_that_of_new_generators():
+    for seed, stream, moment in itertools.product((0, 1, LARGEST_SEED), (0, 2), (0, 1, 125_000, 2**40)):
+        new = np.random.Generator(np.random.Philox(key=seed, counter=[0, 0, stream, moment]))
+        np.testing.assert_array_equal(gaussian_noise(seed, stream, moment, 5), new.standard_normal(5))
+
+
+def test_threads_that_draw_noise_at_the_same_time_do_not_disturb_each_other():
+    moments = range(2000)
+    alone = [gaussian_noise(3, 1, moment, 9).tolist() for moment in moments]
+    with ThreadPoolExecutor(4) as threads:
+        together = threads.map(lambda moment: gaussian_noise(3, 1, moment, 9).tolist(), [*moments] * 4)
+        assert list(together) == alone * 4
+
+
+def test_the_orientation_is_that_of_scipy_for_small_and_large_errors():
+    random = np.random.default_rng(1)
+    for tick, noise in enumerate([0.0, 1e-5, 1e-4, 1e-3, 0.01, 1.0] * 20):
+        imu, attitude = Imu(orientation_noise=noise), Rotation.from_quat(random.normal(size=4))
+        at = state(time=0.01 * tick, orientation=attitude.as_quat())
+        error = Rotation.from_rotvec(noise * gaussian_noise(imu.seed, IMU_STREAM, round(1e6 * at.time), 9)[6:])
+        np.testing.assert_allclose(
+            read_imu(imu, PARAMETERS, at).orientation, (attitude * error).as_quat(), rtol=0.0, atol=1e-15)
 
 
 @pytest.mark.parametrize(
