@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import math
 import numbers
@@ -14,7 +15,7 @@ import numpy as np
 from manta_sim_ros.dynamics._kernels import monolithic, staggered
 from manta_sim_ros.dynamics._kernels.compilation import announced_compilation
 from manta_sim_ros.dynamics._kernels.constants import constants, with_servos
-from manta_sim_ros.dynamics._kernels.inputs import inputs
+from manta_sim_ros.dynamics._kernels.inputs import Inputs, inputs
 from manta_sim_ros.dynamics._kernels.layout import workspace
 from manta_sim_ros.dynamics._kernels.motion import FASTEST, FIN_DIVERGED, NO_SOLUTION, FinState, Motion, Outcome
 from manta_sim_ros.dynamics.command import (
@@ -46,6 +47,8 @@ WHOLE_STEPS_TOLERANCE = 1e-6
 LINK_STEPS_AT_ONCE = 5_000_000
 """Steps times links in one compiled call, about a second of computing: Ctrl-C takes effect between two calls."""
 
+_NO_WRENCH = np.zeros(6)
+
 _KERNELS: dict[str, ModuleType] = {SEQUENTIAL: staggered, MONOLITHIC: monolithic}
 
 
@@ -75,6 +78,7 @@ class Simulator:
 
     _step_too_large = False  # for the gaits of the last command
     _turn_warning: str | None = None
+    _compiled = False
 
     def __init__(self, parameters: Parameters | None = None, state: State | None = None) -> None:
         self._parameters = Parameters() if parameters is None else parameters
@@ -82,6 +86,7 @@ class Simulator:
         self._constants = constants(self._parameters)
         self._servo_constants = with_servos(self._constants)
         self._workspace = workspace(self._parameters.fin.chains, self._parameters.fin.links)
+        self._mean_current = np.array(self._parameters.water.current)
         warning = body_warning(self._parameters)
         if warning is not None:
             warnings.warn(warning, ModelWarning, stacklevel=2)
@@ -234,23 +239,18 @@ class Simulator:
 
         """
         steps = self._whole_steps(duration)
-        before, kernels = self._state, _KERNELS[self._parameters.solver.coupling]
-        water, time_step = self._parameters.water, self._parameters.solver.time_step
-        mean = finite_array('current', water.current if current is None else current, (3,))
-        on_body, in_world = (
-            np.zeros(6) if wrench is None else finite_array(name, wrench, (6,))
-            for name, wrench in (('body_wrench', body_wrench), ('world_wrench', world_wrench)))
-        motion = Motion(*(getattr(before, name).copy() for name in Motion._fields))
+        before, water, time_step = self._state, self._parameters.water, self._parameters.solver.time_step
+        mean = self._mean_current if current is None else finite_array('current', current, (3,))
+        on_body = _NO_WRENCH if body_wrench is None else finite_array('body_wrench', body_wrench, (6,))
+        in_world = _NO_WRENCH if world_wrench is None else finite_array('world_wrench', world_wrench, (6,))
+        motion = Motion(*[getattr(before, name).copy() for name in Motion._fields])
         at_once = max(1, LINK_STEPS_AT_ONCE // before.joint_angles.size)
         varying = any(water.current_deviation)
         deviation = before.current_deviation if varying else np.zeros(3)
         taken, time = 0, before.time
         while True:
             due = min(steps - taken, at_once, steps_left(time, time_step) if varying else steps)
-            with announced_compilation():
-                outcome = Outcome(*kernels.advance(
-                    self._servo_constants if before.servos else self._constants,
-                    inputs(mean + deviation, on_body, in_world), motion, self._workspace, due))
+            outcome = self._take_steps(inputs(mean + deviation, on_body, in_world), motion, due)
             if outcome.failure:
                 raise self._divergence(before, taken, outcome)
             taken += due
@@ -260,7 +260,7 @@ class Simulator:
             if taken == steps:
                 break
         self._state = State.unchecked(
-            **motion._asdict(),
+            **dict(zip(Motion._fields, motion, strict=True)),
             time=time,
             start_time=before.start_time,
             step_count=before.step_count + steps,
@@ -269,6 +269,15 @@ class Simulator:
         )
         self._warn_of_turn()
         return self._state
+
+    def _take_steps(self, acting: Inputs, motion: Motion, steps: int) -> Outcome:
+        """Take steps in place; the first call may have to compile the kernel."""
+        kernel = _KERNELS[self._parameters.solver.coupling].advance
+        values = self._servo_constants if self._state.servos else self._constants
+        with contextlib.nullcontext() if self._compiled else announced_compilation():
+            outcome = Outcome(*kernel(values, acting, motion, self._workspace, steps))
+        self._compiled = True
+        return outcome
 
     @property
     def turn_warning(self) -> str | None:

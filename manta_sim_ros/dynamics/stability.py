@@ -114,12 +114,12 @@ def turn_warning(parameters: Parameters, state: State) -> str | None:
     a chain, unless it resists twist.
     """
     fin, rods = parameters.fin, parameters.rods
-    left, right = state.gait_commands
-    if fin.shear_modulus > 0.0 or parameters.solver.fixed_base or np.array_equal(left, right):
+    left, right = state.gait_commands.tolist()
+    if fin.shear_modulus > 0.0 or parameters.solver.fixed_base or left == right:
         return None
-    current = rotate_back.py_func(rotation_of.py_func(state.orientation), parameters.water.current)
+    current = rotate_back.py_func(rotation_of.py_func(state.orientation.tolist()), parameters.water.current)
     lateral = abs(rods.rear_motor_position[1]) + rods.rear_radius + 0.5 * fin.span  # of the middle of a fin
-    speed = abs(state.twist[0] - current[0]) + lateral * abs(state.twist[5])  # of the faster fin
+    speed = abs(float(state.twist[0]) - current[0]) + lateral * abs(float(state.twist[5]))  # of the faster fin
     critical = _critical_speed(parameters)
     if speed <= critical:
         return None
