@@ -1,24 +1,20 @@
-"""From a state to ROS messages, and from messages to commands: pure functions, and the one place that stamps."""
+"""What of a state goes where in ROS messages, and from messages to commands: the one place that stamps."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import (
     Point,
-    Pose,
     PoseStamped,
-    Quaternion,
-    Transform,
     TransformStamped,
-    Twist,
     TwistStamped,
     Vector3,
     Vector3Stamped,
-    Wrench,
     WrenchStamped,
 )
 from nav_msgs.msg import Odometry
@@ -37,6 +33,7 @@ from manta_sim_ros.dynamics import (
     support_angles,
     support_rates,
 )
+from manta_sim_ros.nodes.serialization import Template
 from manta_sim_ros.nodes.settings import FARTHEST
 
 NANOSECONDS = 1_000_000_000
@@ -63,69 +60,69 @@ def seconds(stamp: Time) -> float:
     return float(stamp.sec + stamp.nanosec / NANOSECONDS)
 
 
-def clock_message(stamp: Time) -> Clock:
-    """Return the clock message of a stamp."""
-    return Clock(clock=stamp)
-
-
 def header(stamp: Time, frame: str) -> Header:
     """Return the header of a message with a stamp and the name of its frame."""
     return Header(stamp=stamp, frame_id=frame)
 
 
-def pose_message(state: State, odom: Header) -> PoseStamped:
-    """Return the pose of the body frame in the world frame."""
-    x, y, z = state.position.tolist()
-    qx, qy, qz, qw = state.orientation.tolist()
-    return PoseStamped(
-        header=odom, pose=Pose(position=Point(x=x, y=y, z=z), orientation=Quaternion(x=qx, y=qy, z=qz, w=qw)))
+def clock_template() -> Template:
+    """Return the template of the clock: its stamp alone."""
+    return Template(Clock(), 'clock', (), lambda state: ())
 
 
-def twist_message(state: State, base: Header) -> TwistStamped:
-    """Return the velocity of the body frame's origin relative to the world, components in the body frame."""
-    values = state.twist.tolist()
-    return TwistStamped(header=base, twist=Twist(linear=_vector(values[:3]), angular=_vector(values[3:])))
+def pose_template(odom_frame: str) -> Template:
+    """Return the template of the pose of the body frame in the world frame."""
+    return Template(
+        PoseStamped(header=Header(frame_id=odom_frame)), 'header.stamp', ('pose.position', 'pose.orientation'),
+        lambda state: (state.position, state.orientation))
 
 
-def odometry_message(pose: PoseStamped, twist: TwistStamped) -> Odometry:
-    """Return pose and twist in one message. It is the ground truth: all covariances are zero."""
-    odometry = Odometry(header=pose.header, child_frame_id=twist.header.frame_id)
-    odometry.pose.pose = pose.pose
-    odometry.twist.twist = twist.twist
-    return odometry
+def twist_template(base_frame: str) -> Template:
+    """Return the template of the velocity of the body frame's origin relative to the world, in the body frame."""
+    return Template(
+        TwistStamped(header=Header(frame_id=base_frame)), 'header.stamp', ('twist',), lambda state: (state.twist,))
 
 
-def wrench_message(wrench: FloatArray, base: Header) -> WrenchStamped:
-    """Return a wrench (6,) on the body about the origin of its frame, components in that frame."""
-    values = wrench.tolist()
-    return WrenchStamped(header=base, wrench=Wrench(force=_vector(values[:3]), torque=_vector(values[3:])))
+def odometry_template(odom_frame: str, base_frame: str) -> Template:
+    """Return the template of pose and twist together. It is the ground truth: all covariances are zero."""
+    return Template(
+        Odometry(header=Header(frame_id=odom_frame), child_frame_id=base_frame), 'header.stamp',
+        ('pose.pose.position', 'pose.pose.orientation', 'twist.twist'),
+        lambda state: (state.position, state.orientation, state.twist))
 
 
-def transform_message(pose: PoseStamped, base_frame: str) -> TransformStamped:
-    """Return a pose of the body as the transform from the frame of the pose to that of the body."""
-    at = pose.pose.position
-    return TransformStamped(
-        header=pose.header, child_frame_id=base_frame,
-        transform=Transform(translation=Vector3(x=at.x, y=at.y, z=at.z), rotation=pose.pose.orientation))
+def wrench_template(base_frame: str, wrench_of: Callable[[State], FloatArray]) -> Template:
+    """Return the template of a wrench (6,) on the body about the origin of its frame, components in that frame."""
+    return Template(
+        WrenchStamped(header=Header(frame_id=base_frame)), 'header.stamp', ('wrench',),
+        lambda state: (wrench_of(state),))
 
 
-def imu_message(reading: sensors.ImuReading, imu: sensors.Imu, base: Header) -> Imu:
-    """Return the readings of the IMU, REP 145; the covariances are those of its noise."""
-    x, y, z, w = reading.orientation.tolist()
-    return Imu(
-        header=base,
-        orientation=Quaternion(x=x, y=y, z=z, w=w),
-        orientation_covariance=_covariance(imu.orientation_noise),
-        angular_velocity=_vector(reading.angular_velocity.tolist()),
-        angular_velocity_covariance=_covariance(imu.angular_velocity_noise),
-        linear_acceleration=_vector(reading.specific_force.tolist()),
-        linear_acceleration_covariance=_covariance(imu.acceleration_noise),
-    )
+def transform_template(message_class: type[Any], odom_frame: str, base_frame: str) -> Template:
+    """Return the template of the transform from the world frame to the body frame, in a tf2_msgs/msg/TFMessage."""
+    transform = TransformStamped(header=Header(frame_id=odom_frame), child_frame_id=base_frame)
+    return Template(
+        message_class(transforms=[transform]), 'transforms.0.header.stamp',
+        ('transforms.0.transform.translation', 'transforms.0.transform.rotation'),
+        lambda state: (state.position, state.orientation))
 
 
-def pressure_message(pressure: float, noise: float, base: Header) -> FluidPressure:
-    """Return an absolute pressure [Pa] and the variance of its noise [Pa^2], given its standard deviation."""
-    return FluidPressure(header=base, fluid_pressure=pressure, variance=noise * noise)
+def imu_template(imu: sensors.Imu, parameters: Parameters, base_frame: str) -> Template:
+    """Return the template of the readings of the IMU, REP 145; the covariances are those of its noise."""
+    return Template(
+        Imu(
+            header=Header(frame_id=base_frame), orientation_covariance=_covariance(imu.orientation_noise),
+            angular_velocity_covariance=_covariance(imu.angular_velocity_noise),
+            linear_acceleration_covariance=_covariance(imu.acceleration_noise)),
+        'header.stamp', ('orientation', 'angular_velocity', 'linear_acceleration'),
+        lambda state: sensors.read_imu(imu, parameters, state))
+
+
+def pressure_template(pressure: sensors.Pressure, parameters: Parameters, base_frame: str) -> Template:
+    """Return the template of the absolute pressure [Pa]; the variance [Pa^2] is that of its noise."""
+    return Template(
+        FluidPressure(header=Header(frame_id=base_frame), variance=pressure.noise * pressure.noise),
+        'header.stamp', ('fluid_pressure',), lambda state: (sensors.read_pressure(pressure, parameters, state),))
 
 
 ROD_NAMES = [f'{side}_{rod}_rod' for side in SIDES for rod in ('front', 'rear')]
@@ -133,7 +130,7 @@ ROD_NAMES = [f'{side}_{rod}_rod' for side in SIDES for rod in ('front', 'rear')]
 
 
 def joint_names(parameters: Parameters, fins: bool) -> list[str]:
-    """Return the names of the joints in the order of `joint_state_message`.
+    """Return the names of the joints in the order of `joint_state_template`.
 
     The four rods; with `fins`, then the two angles of each support, and the joints of each chain from its root on.
     """
@@ -145,19 +142,29 @@ def joint_names(parameters: Parameters, fins: bool) -> list[str]:
     return names
 
 
-def joint_state_message(state: State, parameters: Parameters, names: list[str], header: Header) -> JointState:
-    """Return angles [rad] and rates [rad/s] of the joints with these `joint_names`, positive upward on both sides.
+def joint_state_template(parameters: Parameters, fins: bool, base_frame: str) -> Template:
+    """Return the template of angles [rad] and rates [rad/s] of the joints, positive upward on both sides.
 
     The effort of a rod is the torque of its motor [N m]; that of the other joints is 0, as they have no motor. The
     angles of a support are those of F_0 about z and then y of the body frame, on the right of its mirror image.
     """
-    angles, rates = [state.rod_angles], [state.rod_rates]
-    if len(names) > state.rod_angles.size:
-        angles += [np.stack(support_angles(parameters, state.rod_angles), axis=-1), state.joint_angles]
-        rates += [np.stack(support_rates(parameters, state.rod_angles, state.rod_rates), axis=-1), state.joint_rates]
-    position, velocity = (np.concatenate([part.ravel() for part in parts]).tolist() for parts in (angles, rates))
-    effort = state.rod_torques.ravel().tolist() + [0.0] * (len(names) - state.rod_torques.size)
-    return JointState(header=header, name=names, position=position, velocity=velocity, effort=effort)
+    names = joint_names(parameters, fins)
+    zeros = [0.0] * len(names)
+
+    def numbers_of(state: State) -> tuple[FloatArray, FloatArray, FloatArray]:
+        angles, rates = [state.rod_angles], [state.rod_rates]
+        if fins:
+            angles += [np.stack(support_angles(parameters, state.rod_angles), axis=-1), state.joint_angles]
+            rates += [
+                np.stack(support_rates(parameters, state.rod_angles, state.rod_rates), axis=-1), state.joint_rates]
+        efforts = [state.rod_torques, np.zeros(len(names) - len(ROD_NAMES))]
+        position, velocity, effort = (
+            np.concatenate([part.ravel() for part in parts]) for parts in (angles, rates, efforts))
+        return position, velocity, effort
+
+    return Template(
+        JointState(header=Header(frame_id=base_frame), name=names, position=zeros, velocity=zeros, effort=zeros),
+        'header.stamp', ('position', 'velocity', 'effort'), numbers_of)
 
 
 def rod_power_of(message: JointState) -> float:
@@ -307,7 +314,3 @@ def _covariance(deviation: float) -> list[float]:
     """Return a covariance (3, 3), row by row, of three independent values with the same standard deviation."""
     variance = deviation * deviation
     return [variance, 0.0, 0.0, 0.0, variance, 0.0, 0.0, 0.0, variance]
-
-
-def _vector(values: Sequence[float]) -> Vector3:
-    return Vector3(x=values[0], y=values[1], z=values[2])

@@ -12,15 +12,12 @@ from builtin_interfaces.msg import Time
 from rclpy.duration import Duration
 from rclpy.node import Node
 from rclpy.publisher import Publisher
-from rosgraph_msgs.msg import Clock
-from std_msgs.msg import Header
 
 from manta_sim_ros.dynamics import SIDES, State
 from manta_sim_ros.nodes import messages
 from manta_sim_ros.nodes.markers import Markers
 from manta_sim_ros.nodes.qos import QUEUE_DEPTH, publisher
 from manta_sim_ros.nodes.settings import Settings
-from manta_sim_ros.sensors import read_imu, read_pressure
 
 PATH_LENGTH = 20.0
 """Length of the path in the markers [m]: some minutes of swimming."""
@@ -67,13 +64,16 @@ class Outputs:
         self._markers = Markers(PATH_LENGTH)
         self._transforms = _transform_publisher(node) if settings().node.publish_tf else None
         self._clock = publisher(node, '/clock') if settings().node.publish_clock else None
+        self._clock_template = messages.clock_template()
         self._queued: Counter[Publisher[Any]] = Counter()  # messages without a receipt
         self._transformed_at: Time | None = None  # tf2 takes one transform per stamp, and a slow /clock repeats stamps
         self._before: State | None = None
         self._clock_due = math.inf  # steady time at which the clock is repeated [s]
         self._latest: dict[Publisher[Any], Any] = {}  # the last message
         self._subscribers: Counter[Publisher[Any]] = Counter()  # to which that was sent
-        self._headers: tuple[Header, Header] | None = None  # of the last state
+        self._stamp = Time()  # of the last state
+        self._templates_for: Settings | None = None
+        self._update_templates()
 
     @property
     def lacks_transform(self) -> bool:
@@ -130,58 +130,65 @@ class Outputs:
         if self._clock is not None and time.monotonic() >= self._clock_due:
             self._send_clock(self._latest[self._clock])
 
-    def _send_clock(self, message: Clock) -> None:
+    def _send_clock(self, message: Any) -> None:
         if self._clock is not None:
             self._send(self._clock, message)
             self._clock_due = time.monotonic() + CLOCK_PERIOD
 
     def publish_to_latecomers(self) -> None:
         """Publish the last state again on the topics that have more subscribers than it was sent to."""
-        if self._before is None or self._headers is None:
+        if self._before is None:
             return
+        self._update_templates()
         for each in dict.fromkeys([*self._latest, self._fin_markers]):
             before, self._subscribers[each] = self._subscribers[each], each.get_subscription_count()
             if self._subscribers[each] <= before:
                 continue
             if each is self._joint_states:  # its last message may be of an earlier state, as its rate is another one
-                self._send_joint_states(self._before, self._headers[1])
+                self._send(each, self._joints.write(self._stamp, self._before))
             elif each is self._fin_markers:
-                self._show(self._before, *self._headers)
+                self._show(self._before, self._stamp)
             else:
                 self._send(each, self._latest[each])
 
     def publish(self, state: State) -> None:
         """Publish all outputs of a state that are due, then the clock."""
-        settings, stamp = self._settings(), self.stamp(state)
-        model, own = settings.model, settings.node
-        odom, base = messages.header(stamp, own.odom_frame), messages.header(stamp, own.base_frame)
-        pose, twist = messages.pose_message(state, odom), messages.twist_message(state, base)
-        self._send(self._pose, pose)
-        self._send(self._twist, twist)
-        self._send(self._odometry, messages.odometry_message(pose, twist))
-        self._send(self._wrench, messages.wrench_message(state.wrench, base))
-        for of_fin, wrench in zip(self._fin_wrenches, state.fin_wrenches, strict=True):
-            self._send(of_fin, messages.wrench_message(wrench, base))
-        self._send(self._imu, messages.imu_message(read_imu(settings.imu, model, state), settings.imu, base))
-        self._send(self._pressure, messages.pressure_message(
-            read_pressure(settings.pressure, model, state), settings.pressure.noise, base))
+        stamp, own = self.stamp(state), self._settings().node
+        self._update_templates()
+        for to, template in self._every_time:
+            self._send(to, template.write(stamp, state))
         if self._transforms is not None and stamp != self._transformed_at:
-            transform = messages.transform_message(pose, own.base_frame)
-            self._send(self._transforms, self._transforms.msg_type(transforms=[transform]))
+            self._send(self._transforms, self._transform.write(stamp, state))
             self._transformed_at = stamp
         if self._was_put(state):
             self._markers.forget()
         if self._due(state, own.joint_state_rate):
-            self._send_joint_states(state, base)
+            self._send(self._joint_states, self._joints.write(stamp, state))
         if self._due(state, own.marker_rate):
-            self._show(state, odom, base)
-        self._send_clock(messages.clock_message(stamp))
-        self._before, self._headers = state, (odom, base)
+            self._show(state, stamp)
+        self._send_clock(self._clock_template.write(stamp, state))
+        self._before, self._stamp = state, stamp
 
-    def _send_joint_states(self, state: State, base: Header) -> None:
+    def _update_templates(self) -> None:
+        """Make the templates of the messages again if a parameter has changed: names and variances depend on them."""
         settings = self._settings()
-        names = messages.joint_names(settings.model, settings.node.publish_fin_joints)
-        self._send(self._joint_states, messages.joint_state_message(state, settings.model, names, base))
+        if settings is self._templates_for:
+            return
+        model, odom, base = settings.model, settings.node.odom_frame, settings.node.base_frame
+        self._templates_for = settings
+        self._every_time = [
+            (self._pose, messages.pose_template(odom)),
+            (self._twist, messages.twist_template(base)),
+            (self._odometry, messages.odometry_template(odom, base)),
+            (self._wrench, messages.wrench_template(base, lambda state: state.wrench)),
+            (self._fin_wrenches[0], messages.wrench_template(base, lambda state: state.fin_wrenches[0])),
+            (self._fin_wrenches[1], messages.wrench_template(base, lambda state: state.fin_wrenches[1])),
+            (self._imu, messages.imu_template(settings.imu, model, base)),
+            (self._pressure, messages.pressure_template(settings.pressure, model, base)),
+        ]
+        if self._transforms is not None:
+            self._transform = messages.transform_template(self._transforms.msg_type, odom, base)
+        self._joints = messages.joint_state_template(model, settings.node.publish_fin_joints, base)
 
     def _was_put(self, state: State) -> bool:
         """Whether the robot was put at a pose since the last state: its steps are counted again, or no time passed."""
@@ -195,9 +202,11 @@ class Outputs:
             return True
         return math.floor(state.time * rate + ROUNDING) > math.floor(before * rate + ROUNDING)
 
-    def _show(self, state: State, odom: Header, base: Header) -> None:
+    def _show(self, state: State, stamp: Time) -> None:
         """Publish the markers if there is a subscriber."""
         if self._fin_markers.get_subscription_count():
+            own = self._settings().node
+            base, odom = messages.header(stamp, own.base_frame), messages.header(stamp, own.odom_frame)
             self._send(self._fin_markers, self._markers.message(
                 state, self._settings().model, base, odom, self._mean_current()))
         else:

@@ -9,14 +9,15 @@ import pytest
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import PoseStamped, TwistStamped, Vector3, Vector3Stamped, Wrench, WrenchStamped
 from nav_msgs.msg import Odometry
+from rclpy.serialization import serialize_message
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, MultiArrayDimension, MultiArrayLayout
 
 from evidence.scenarios import SWIM, TURN, sized
 from manta_sim_ros.dynamics import FinCommand, Parameters, Simulator, State, fin_surfaces
-from manta_sim_ros.nodes import messages
-from manta_sim_ros.sensors import Imu, ImuReading
+from manta_sim_ros.nodes import messages, serialization
+from manta_sim_ros.sensors import Imu, Pressure, read_imu, read_pressure
 
 STAMP = Time(sec=3, nanosec=20_000_000)
 SIX = [0.1, 0.2, 0.3, 0.4, 0.5, 0.6]
@@ -57,11 +58,11 @@ def test_a_time_is_stamped_to_the_nearest_nanosecond(seconds, sec, nanosec):
 
 
 def test_the_clock_announces_its_stamp():
-    assert messages.clock_message(STAMP) == Clock(clock=STAMP)
+    assert messages.clock_template().message(STAMP, None) == Clock(clock=STAMP)
 
 
 def test_the_pose_is_that_of_the_body_in_the_world_frame(state):
-    message = messages.pose_message(state, messages.header(STAMP, 'world'))
+    message = messages.pose_template('world').message(STAMP, state)
     assert isinstance(message, PoseStamped)
     assert (message.header.stamp, message.header.frame_id) == (STAMP, 'world')
     assert xyz(message.pose.position) == [1.0, 2.0, 3.0]
@@ -69,7 +70,7 @@ def test_the_pose_is_that_of_the_body_in_the_world_frame(state):
 
 
 def test_the_twist_is_in_the_body_frame(state):
-    message = messages.twist_message(state, messages.header(STAMP, 'body'))
+    message = messages.twist_template('body').message(STAMP, state)
     assert isinstance(message, TwistStamped)
     assert (message.header.stamp, message.header.frame_id) == (STAMP, 'body')
     assert xyz(message.twist.linear) == [0.4, 0.5, 0.6]
@@ -77,9 +78,9 @@ def test_the_twist_is_in_the_body_frame(state):
 
 
 def test_odometry_joins_pose_and_twist_and_has_no_uncertainty(state):
-    pose = messages.pose_message(state, messages.header(STAMP, 'world'))
-    twist = messages.twist_message(state, messages.header(STAMP, 'body'))
-    message = messages.odometry_message(pose, twist)
+    pose = messages.pose_template('world').message(STAMP, state)
+    twist = messages.twist_template('body').message(STAMP, state)
+    message = messages.odometry_template('world', 'body').message(STAMP, state)
     assert isinstance(message, Odometry)
     assert (message.header.stamp, message.header.frame_id, message.child_frame_id) == (STAMP, 'world', 'body')
     assert (message.pose.pose, message.twist.twist) == (pose.pose, twist.twist)
@@ -87,7 +88,7 @@ def test_odometry_joins_pose_and_twist_and_has_no_uncertainty(state):
 
 
 def test_a_wrench_is_a_force_then_a_moment():
-    message = messages.wrench_message(np.arange(1.0, 7.0), messages.header(STAMP, 'body'))
+    message = messages.wrench_template('body', lambda wrench: wrench).message(STAMP, np.arange(1.0, 7.0))
     assert isinstance(message, WrenchStamped)
     assert (message.header.stamp, message.header.frame_id) == (STAMP, 'body')
     assert xyz(message.wrench.force) == [1.0, 2.0, 3.0]
@@ -152,30 +153,38 @@ def test_an_invalid_value_is_refused_by_its_name_with_its_bound(slot, invalid):
             messages.fin_commands(values)
 
 
-def test_a_transform_is_the_pose(state):
-    pose = messages.pose_message(state, messages.header(STAMP, 'world'))
-    message = messages.transform_message(pose, 'manta')
+class TFMessage:
+    """As the class of tf2_msgs, which need not be installed."""
+
+    def __init__(self, transforms):
+        self.transforms = transforms
+
+
+def test_a_transform_is_the_pose(state, monkeypatch):
+    monkeypatch.setattr(serialization, 'serialize_message', lambda message: serialize_message(message.transforms[0]))
+    message, = messages.transform_template(TFMessage, 'world', 'manta').message(STAMP, state).transforms
     assert (message.header.stamp, message.header.frame_id, message.child_frame_id) == (STAMP, 'world', 'manta')
     assert xyz(message.transform.translation) == state.position.tolist()
     assert quaternion(message.transform.rotation) == state.orientation.tolist()
 
 
-def test_what_the_imu_reads_is_said_with_the_variances_of_its_noise():
-    reading = ImuReading(np.array([0.1, 0.5, 0.5, 0.7]), np.array([1.0, 2.0, 3.0]), np.array([4.0, 5.0, 6.0]))
+def test_what_the_imu_reads_is_said_with_the_variances_of_its_noise(state):
     imu = Imu(orientation_noise=0.5, angular_velocity_noise=0.25, acceleration_noise=2.0)
-    message = messages.imu_message(reading, imu, messages.header(STAMP, 'base_link'))
+    message = messages.imu_template(imu, Parameters(), 'base_link').message(STAMP, state)
+    reading = read_imu(imu, Parameters(), state)
     assert message.header.frame_id == 'base_link' and message.header.stamp == STAMP
-    assert quaternion(message.orientation) == [0.1, 0.5, 0.5, 0.7]
-    assert xyz(message.angular_velocity) == [1.0, 2.0, 3.0]
-    assert xyz(message.linear_acceleration) == [4.0, 5.0, 6.0]
+    assert quaternion(message.orientation) == reading.orientation.tolist()
+    assert xyz(message.angular_velocity) == reading.angular_velocity.tolist()
+    assert xyz(message.linear_acceleration) == reading.specific_force.tolist()
     for covariance, deviation in ((message.orientation_covariance, 0.5), (message.angular_velocity_covariance, 0.25),
                                   (message.linear_acceleration_covariance, 2.0)):
         np.testing.assert_array_equal(np.reshape(covariance, (3, 3)), deviation**2 * np.eye(3))
 
 
-def test_a_pressure_is_said_with_the_variance_of_its_noise():
-    message = messages.pressure_message(101325.5, 30.0, messages.header(STAMP, 'base_link'))
-    assert (message.fluid_pressure, message.variance) == (101325.5, 900.0)
+def test_a_pressure_is_said_with_the_variance_of_its_noise(state):
+    pressure = Pressure(noise=30.0)
+    message = messages.pressure_template(pressure, Parameters(), 'base_link').message(STAMP, state)
+    assert (message.fluid_pressure, message.variance) == (read_pressure(pressure, Parameters(), state), 900.0)
     assert message.header == messages.header(STAMP, 'base_link')
 
 
@@ -186,10 +195,9 @@ def test_the_joints_are_the_rods_and_if_wanted_supports_and_chains():
     parameters = sized(3, 2)
     simulator = Simulator(parameters)
     simulator.command(left=SWIM, right=TURN)
-    state, header = simulator.advance(0.5), messages.header(STAMP, 'base_link')
-    names = messages.joint_names(parameters, fins=False)
-    message = messages.joint_state_message(state, parameters, names, header)
-    assert message.header == header
+    state = simulator.advance(0.5)
+    message = messages.joint_state_template(parameters, False, 'base_link').message(STAMP, state)
+    assert message.header == messages.header(STAMP, 'base_link')
     assert message.name == RODS and list(message.position) == state.rod_angles.ravel().tolist()
     later = simulator.advance(0.002)
     expected = (later.rod_angles - state.rod_angles).ravel() / 0.002
@@ -197,14 +205,16 @@ def test_the_joints_are_the_rods_and_if_wanted_supports_and_chains():
     assert np.dot(message.effort, message.velocity) == pytest.approx(state.rod_power, rel=1e-12)
     assert state.rod_torques.all() and list(message.effort) == state.rod_torques.ravel().tolist()
 
+    template = messages.joint_state_template(parameters, True, 'base_link')
+    message = template.message(STAMP, state)
     names = messages.joint_names(parameters, fins=True)
-    message = messages.joint_state_message(state, parameters, names, header)
+    assert message.name == names
     angles = dict(zip(message.name, message.position, strict=True))
     rates = dict(zip(message.name, message.velocity, strict=True))
     efforts = dict(zip(message.name, message.effort, strict=True))
     assert [efforts.pop(name) for name in RODS] == state.rod_torques.ravel().tolist()
     assert set(efforts.values()) == {0.0}  # these joints have no motor
-    after = messages.joint_state_message(later, parameters, names, header)
+    after = template.message(STAMP, later)
     assert len(angles) == len(message.name) == 4 + 4 + 2 * 3 * 2
     assert [angles[name] for name in RODS] == state.rod_angles.ravel().tolist()
     for side, name in enumerate(('left', 'right')):
@@ -228,9 +238,9 @@ def test_the_power_of_the_rods_is_read_from_their_efforts_and_velocities():
     parameters = sized(3, 2)
     simulator = Simulator(parameters)
     simulator.command(left=SWIM, right=TURN)
-    state, header = simulator.advance(0.5), messages.header(STAMP, 'base_link')
+    state = simulator.advance(0.5)
     for fins in (False, True):
-        message = messages.joint_state_message(state, parameters, messages.joint_names(parameters, fins=fins), header)
+        message = messages.joint_state_template(parameters, fins, 'base_link').message(STAMP, state)
         assert messages.rod_power_of(message) == pytest.approx(state.rod_power, rel=1e-12)
     shuffled = JointState(**{field: list(getattr(message, field))[::-1] for field in ('name', 'velocity', 'effort')})
     assert messages.rod_power_of(shuffled) == pytest.approx(state.rod_power, rel=1e-12)

@@ -21,6 +21,10 @@ class TFMessage(TransformStamped):
         (only,) = transforms
         super().__init__(header=only.header, child_frame_id=only.child_frame_id, transform=only.transform)
 
+    @property
+    def transforms(self):
+        return [self]
+
 
 TFMessage.__name__, TFMessage.__module__ = TransformStamped.__name__, TransformStamped.__module__
 '''
