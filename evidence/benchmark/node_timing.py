@@ -1,10 +1,12 @@
-"""Time from the start of the built `sim_node` to its first message, and processor time while it runs."""
+"""Time from the start of the built `sim_node` to its first message, and processor time beside the least node."""
 
 from __future__ import annotations
 
 import contextlib
 import os
+import statistics
 import subprocess
+import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterator
@@ -16,10 +18,13 @@ from rclpy.node import Node
 from std_msgs.msg import Float64MultiArray
 from visualization_msgs.msg import MarkerArray
 
+from evidence.benchmark.bare_node import EXECUTORS
 from evidence.harness.processes import command_of
 
 STARTED_WITHIN = 300.0  # s, a first start on a slow machine
 SETTLED = 2.0  # s after the first message, before processor time is counted
+ROUNDS = 5  # of the measurement of processor time
+BARE_NODE = 'evidence.benchmark.bare_node'
 SWIM = [0.7, 0.7, 0.6, 0.6, 0.7, 0.7]
 
 
@@ -27,7 +32,8 @@ def node_figures(starts: int, seconds: float) -> dict[str, float]:
     """Measure the first start, `starts` later starts, and the processor time over `seconds` of swimming at 100 Hz.
 
     A start lasts from the creation of the process to its first `pose`; the first one finds no compiled kernels. The
-    processor shares are those of one core, without and with a subscriber of the markers.
+    processor shares are those of one core, without and with a subscriber of the markers, and those of bare nodes at the
+    same time.
     """
     rclpy.init()
     with tempfile.TemporaryDirectory() as kernels:
@@ -51,18 +57,25 @@ def node_figures(starts: int, seconds: float) -> dict[str, float]:
                 taken.append(start())
                 if len(taken) == 1 + starts:
                     commands.publish(Float64MultiArray(data=SWIM))
-                    time.sleep(SETTLED)
-                    share = _processor_share(process.pid, lambda: time.sleep(seconds))
-                    markers: list[MarkerArray] = []
-                    watch.create_subscription(MarkerArray, 'fin_markers', markers.append, 10)
-                    _spin(watch, SETTLED)
-                    if not markers:
-                        raise TimeoutError(f'no fin_markers within {SETTLED:g} s')
-                    share_with_markers = _processor_share(process.pid, lambda: _spin(watch, seconds))
+                    with contextlib.ExitStack() as bare:
+                        pids = {'ours': process.pid} | {
+                            name: bare.enter_context(_process([sys.executable, '-m', BARE_NODE, name])).pid
+                            for name in EXECUTORS}
+                        time.sleep(SETTLED)
+                        shares = _processor_shares(pids, lambda: time.sleep(seconds / ROUNDS))
+                        markers: list[MarkerArray] = []
+                        watch.create_subscription(MarkerArray, 'fin_markers', markers.append, 10)
+                        _spin(watch, SETTLED)
+                        if not markers:
+                            raise TimeoutError(f'no fin_markers within {SETTLED:g} s')
+                        with_markers = _processor_shares(pids, lambda: _spin(watch, seconds / ROUNDS))
     rclpy.shutdown()
     return {
         'first start [s]': taken[0], 'warm start [s]': sorted(taken[1:])[starts // 2],
-        'processor share': share, 'processor share with markers': share_with_markers,
+        'processor share': statistics.median(shares['ours']),
+        **{f'processor share of a bare node, {name}': statistics.median(shares[name]) for name in EXECUTORS},
+        'ours / bare': _ratio(shares), 'processor share with markers': statistics.median(with_markers['ours']),
+        'ours with markers / bare': _ratio(with_markers),
     }
 
 
@@ -72,18 +85,30 @@ def _spin(node: Node, seconds: float) -> None:
         rclpy.spin_once(node, timeout_sec=0.05)
 
 
-def _processor_share(pid: int, wait: Callable[[], None]) -> float:
-    before, began = _processor_time(pid), time.monotonic()
-    wait()
-    return (_processor_time(pid) - before) / (time.monotonic() - began)
+def _processor_shares(pids: dict[str, int], wait: Callable[[], None]) -> dict[str, list[float]]:
+    """Return the share of a core of each process in each of several rounds, all processes at the same time."""
+    shares: dict[str, list[float]] = {name: [] for name in pids}
+    for _ in range(ROUNDS):
+        before, began = {name: _processor_time(pid) for name, pid in pids.items()}, time.monotonic()
+        wait()
+        for name, pid in pids.items():
+            shares[name].append((_processor_time(pid) - before[name]) / (time.monotonic() - began))
+    return shares
+
+
+def _ratio(shares: dict[str, list[float]]) -> float:
+    """Return the median ratio of our share to that of the bare node with the single-threaded executor."""
+    return statistics.median(
+        ours / bare for ours, bare in zip(shares['ours'], shares['single-threaded'], strict=True))
+
+
+def _running(kernels: str) -> contextlib.AbstractContextManager[subprocess.Popen]:
+    return _process(command_of('sim_node'), os.environ | {'NUMBA_CACHE_DIR': kernels})
 
 
 @contextlib.contextmanager
-def _running(kernels: str) -> Iterator[subprocess.Popen]:
-    process = subprocess.Popen(
-        command_of('sim_node'), env=os.environ | {'NUMBA_CACHE_DIR': kernels},
-        stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
-    )
+def _process(command: list[str], environment: dict[str, str] | None = None) -> Iterator[subprocess.Popen]:
+    process = subprocess.Popen(command, env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     try:
         yield process
     finally:
