@@ -10,8 +10,9 @@ from collections.abc import Callable
 from typing import TypeVar
 
 import rclpy
+from rclpy.context import Context
 from rclpy.exceptions import ParameterException
-from rclpy.executors import ExternalShutdownException
+from rclpy.executors import Executor, ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
@@ -89,6 +90,15 @@ def run_node(
         if interrupted:
             os._exit(0)  # the end of the interpreter takes a second
         ignore_endings()
+
+
+def executor(context: Context) -> Executor:
+    """Return the executor with the least load: it is told what is ready, and does not ask each entity."""
+    try:
+        from rclpy.experimental.events_executor import EventsExecutor
+    except ImportError:  # of the first releases of Jazzy
+        return SingleThreadedExecutor(context=context)
+    return EventsExecutor(context=context)
 
 
 def _or_exit(begin: Callable[[], Started]) -> Started:

@@ -10,11 +10,9 @@ from __future__ import annotations
 
 import contextlib
 import importlib
-import time
 from collections.abc import Callable, Iterator
 from typing import Any
 
-from rclpy.callback_groups import CallbackGroup
 from rclpy.exceptions import ParameterException
 from rclpy.node import Node
 from rclpy.publisher import Publisher
@@ -30,34 +28,6 @@ QUEUE_DEPTH = 10
 VOLATILE = ('fin_command', '/clock', '/tf', '/diagnostics')
 """Topics whose publishers keep nothing for subscribers that come later."""
 
-EVENT_PERIOD, EVENT_WINDOW = 1.0, 0.05
-"""Period of the checks of the events of publishers, and duration of a check [s]."""
-
-
-class _SometimesOpen(CallbackGroup):
-    """Lets the executor check the events of publishers only from time to time: each check costs a third of its load."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        self._opens = self._closes = 0.0  # steady time [s]
-
-    def can_execute(self, entity: object) -> bool:
-        """Whether it is time for a check."""
-        now = time.monotonic()
-        if now >= self._opens:
-            self._opens, self._closes = now + EVENT_PERIOD, now + EVENT_WINDOW
-        return now < self._closes
-
-    def beginning_execution(self, entity: object) -> bool:
-        """Whether the callback may begin: it only logs a line."""
-        return True
-
-    def ending_execution(self, entity: object) -> None:
-        """Do nothing after a callback."""
-
-
-_EVENTS = _SometimesOpen()
-
 
 def publisher(node: Node, topic: str) -> Publisher[Any]:
     """Create the publisher of one of `TOPICS`; parameters of the node may change its quality of service.
@@ -72,7 +42,7 @@ def publisher(node: Node, topic: str) -> Publisher[Any]:
     """
     with _named_errors('publisher', topic):
         return node.create_publisher(
-            message_class(TOPICS[topic].type), topic, _profile(lasts=topic not in VOLATILE), callback_group=_EVENTS,
+            message_class(TOPICS[topic].type), topic, _profile(lasts=topic not in VOLATILE),
             qos_overriding_options=_OVERRIDABLE)
 
 

@@ -7,6 +7,9 @@ import sys
 from pathlib import Path
 
 import pytest
+from rclpy.context import Context
+
+from manta_sim_ros.nodes.process import executor
 
 from evidence.harness.processes import LIMIT, command_of
 
@@ -153,6 +156,19 @@ def test_an_output_that_nobody_reads_any_more_ends_it_quietly(executable):
     finally:
         process.kill()
     assert (process.returncode, errors) == (0, '')
+
+
+@pytest.mark.parametrize(('hidden', 'expected'), [
+    ([], 'EventsExecutor'), (['rclpy.experimental.events_executor'], 'SingleThreadedExecutor')])
+def test_the_executor_is_the_lightest_that_rclpy_has(hidden, expected, monkeypatch):
+    for module in hidden:
+        monkeypatch.setitem(sys.modules, module, None)
+    context = Context()
+    context.init()
+    try:
+        assert type(executor(context)).__name__ == expected
+    finally:
+        context.shutdown()
 
 
 @pytest.mark.parametrize('variables', [{'HOME': '/proc/none'}, {'HOME': None}, {'ROS_LOG_DIR': '/proc/none'}])
