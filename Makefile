@@ -11,7 +11,7 @@ VENV := $(if $(filter-out kilted,$(ROS)),.venv-$(ROS),.venv)
 TOOLS := @scripts/setup.sh --dev
 PYTEST_ARGS ?=
 
-.PHONY: help sim test colcon-test lint docs tables bench steering verify paper validate setup clean
+.PHONY: help sim test colcon-test lint docs tables bench steering verify paper validate soak setup clean
 
 help:  ## list the targets
 	@sed -n 's/^\([a-z-]*\):.*## /\1\t/p' $(firstword $(MAKEFILE_LIST)) | expand -t 13
@@ -49,6 +49,9 @@ paper:  ## draw the figures of the paper: writes docs/paper.md with its plots an
 
 validate:  ## compare both configurations with published facts: writes docs/validation.md with its plots, about two minutes
 	$(TOOLS) -- python -m evidence.validation
+
+soak:  ## measure what the simulator survives: writes docs/reliability.md, longer than half an hour; SHORT=1, PARTS=fuzz
+	@env -u ROS_DOMAIN_ID scripts/setup.sh --dev -- python -m evidence.soak $(if $(SHORT),--short) $(PARTS)
 
 setup:  ## make the virtual environment with all tools, and build the package
 	$(TOOLS)

@@ -89,10 +89,10 @@ def _processor_shares(pids: dict[str, int], wait: Callable[[], None]) -> dict[st
     """Return the share of a core of each process in each of several rounds, all processes at the same time."""
     shares: dict[str, list[float]] = {name: [] for name in pids}
     for _ in range(ROUNDS):
-        before, began = {name: _processor_time(pid) for name, pid in pids.items()}, time.monotonic()
+        before, began = {name: processor_time(pid) for name, pid in pids.items()}, time.monotonic()
         wait()
         for name, pid in pids.items():
-            shares[name].append((_processor_time(pid) - before[name]) / (time.monotonic() - began))
+            shares[name].append((processor_time(pid) - before[name]) / (time.monotonic() - began))
     return shares
 
 
@@ -116,7 +116,7 @@ def _process(command: list[str], environment: dict[str, str] | None = None) -> I
         process.wait()
 
 
-def _processor_time(pid: int) -> float:
+def processor_time(pid: int) -> float:
     """Return the processor time of a process [s], user and system."""
     fields = Path(f'/proc/{pid}/stat').read_text(encoding='ascii').rpartition(')')[2].split()
     return (int(fields[11]) + int(fields[12])) / os.sysconf('SC_CLK_TCK')

@@ -55,7 +55,10 @@ def _numbers(value):
     if hasattr(value, 'get_fields_and_field_types'):
         for name in value.get_fields_and_field_types():
             yield from _numbers(getattr(value, name))
-    elif not isinstance(value, str):
+    elif isinstance(value, (list, tuple)):
+        for part in value:
+            yield from _numbers(part)
+    elif not isinstance(value, (str, bytes)):
         yield from value if hasattr(value, '__len__') else [value]
 
 

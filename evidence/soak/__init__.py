@@ -1,0 +1,1 @@
+"""How long and under what the simulator lives: measured facts, and the page docs/reliability.md."""
