@@ -44,7 +44,7 @@ class Template:
         self, example: Any, stamp: str, fields: Sequence[str], numbers_of: Callable[[Any], Sequence[Numbers]],
     ) -> None:
         self._example, self._stamp, self._fields, self._numbers_of = example, stamp, fields, numbers_of
-        marks = iter(random.Random(0).random, None)  # without end
+        marks = iter(random.Random(0).random, None)  # without end  # nosec B311 # marks in bytes, no secret
         _set(example, stamp, MARK)
         parts = [np.array(_fill(example, field, marks)) for field in fields]
         data, stamp_mark = serialize_message(example), STAMP.pack(MARK.sec, MARK.nanosec)

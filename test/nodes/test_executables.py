@@ -9,9 +9,8 @@ from pathlib import Path
 import pytest
 from rclpy.context import Context
 
-from manta_sim_ros.nodes.process import executor
-
 from evidence.harness.processes import LIMIT, command_of
+from manta_sim_ros.nodes.process import executor
 
 SIGNALS = ['SIGINT', 'SIGTERM', 'SIGHUP']
 OWN_DOMAIN = {'ROS_DOMAIN_ID': str(int(os.environ['ROS_DOMAIN_ID']) + 100)}  # its shared memory belongs to one process
