@@ -65,12 +65,15 @@ class Outputs:
         self._transforms = _transform_publisher(node) if settings().node.publish_tf else None
         self._clock = publisher(node, '/clock') if settings().node.publish_clock else None
         self._clock_template = messages.clock_template()
+        self._publishers = [
+            self._pose, self._twist, self._odometry, self._wrench, *self._fin_wrenches, self._imu, self._pressure,
+            self._joint_states, self._fin_markers, *filter(None, (self._transforms, self._clock))]
         self._queued: Counter[Publisher[Any]] = Counter()  # messages without a receipt
         self._transformed_at: Time | None = None  # tf2 takes one transform per stamp, and a slow /clock repeats stamps
         self._before: State | None = None
         self._clock_due = math.inf  # steady time at which the clock is repeated [s]
         self._latest: dict[Publisher[Any], Any] = {}  # the last message
-        self._subscribers: Counter[Publisher[Any]] = Counter()  # to which that was sent
+        self._subscribers: Counter[Publisher[Any]] = Counter()  # when they were counted
         self._stamp = Time()  # of the last state
         self._templates_for: Settings | None = None
         self._update_templates()
@@ -98,6 +101,7 @@ class Outputs:
         subscribers have received them. If that takes longer than `PATIENCE` once, it does not wait any more. It does
         not wait for a queue that is not full: Fast DDS asks for receipts when it is full, but otherwise only every 3 s.
         """
+        self.count_subscribers()
         for each in list(self._queued):
             if each.wait_for_all_acked(Duration()):
                 del self._queued[each]
@@ -116,7 +120,6 @@ class Outputs:
         return True
 
     def _send(self, to: Publisher[Any], message: Any) -> None:
-        self._subscribers[to] = to.get_subscription_count()
         to.publish(message)
         self._latest[to] = message
         self._queued[to] += 1
@@ -135,12 +138,17 @@ class Outputs:
             self._send(self._clock, message)
             self._clock_due = time.monotonic() + CLOCK_PERIOD
 
+    def count_subscribers(self) -> None:
+        """Count the subscribers that will have got the next state, or an earlier one, when time stands still."""
+        for each in self._publishers:
+            self._subscribers[each] = each.get_subscription_count()
+
     def publish_to_latecomers(self) -> None:
-        """Publish the last state again on the topics that have more subscribers than it was sent to."""
+        """Publish the last state again on the topics that have more subscribers than were counted."""
         if self._before is None:
             return
         self._update_templates()
-        for each in dict.fromkeys([*self._latest, self._fin_markers]):
+        for each in self._publishers:
             before, self._subscribers[each] = self._subscribers[each], each.get_subscription_count()
             if self._subscribers[each] <= before:
                 continue
@@ -148,7 +156,7 @@ class Outputs:
                 self._send(each, self._joints.write(self._stamp, self._before))
             elif each is self._fin_markers:
                 self._show(self._before, self._stamp)
-            else:
+            elif each in self._latest:
                 self._send(each, self._latest[each])
 
     def publish(self, state: State) -> None:

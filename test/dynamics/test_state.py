@@ -27,7 +27,7 @@ def state():
 
 def test_a_state_has_the_arrays_of_the_interface(state):
     assert {name: getattr(state, name).shape for name in SHAPES} == SHAPES
-    assert set(STATE_FIELDS) == {*SHAPES, 'time', 'start_time', 'step_count'}
+    assert set(STATE_FIELDS) == {*SHAPES, 'time', 'start_time', 'step_count', 'servos'}
     assert state.time == pytest.approx(0.7, abs=1e-12)
     for name in SHAPES:
         assert np.any(getattr(state, name) != 0.0), f'{name} holds nothing'

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 from nav_msgs.msg import Odometry
+from sensor_msgs.msg import JointState
 
 from evidence.harness.processes import LIMIT
 from manta_sim_ros.dynamics import FinCommand, Simulator
@@ -61,3 +62,24 @@ def test_turn_with_feedback_turns_to_the_heading_and_holds_it(launch, probe, con
     assert controller.returncode == 0, errors
     assert is_held(odometry[-1])
     assert re.search(r'heading -?0\.\d\d rad', errors)
+
+
+def test_the_pattern_generator_swims_with_front_rods_that_lead(launch, probe):
+    launch('sim_node', f'--params-file {CONFIG / "freshwater.yaml"} -p real_time_factor:=4.0')
+    odometry, joints = probe.record(Odometry, 'odom'), probe.record(JointState, 'joint_states')
+    generator = subprocess.Popen(
+        [sys.executable, EXAMPLES / 'pattern_generator.py', '--ros-args', '-p', 'use_sim_time:=true'],
+        stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True, env=os.environ)
+    try:
+        probe.until(lambda: generator.poll() is not None or (
+            odometry and odometry[-1].pose.pose.position.x > 1.5), 'a way of 1.5 m')
+    finally:
+        generator.terminate()
+        _, errors = generator.communicate(timeout=LIMIT)
+    assert generator.returncode == 0, errors
+    assert abs(odometry[-1].pose.pose.position.y) < 0.3
+    swimming = [message.position for message in joints[-300:]]
+    rear = [position[1] for position in swimming]
+    assert 0.5 < max(rear) < 0.65
+    crossing = next(i for i in range(1, 300) if rear[i - 1] < 0.0 <= rear[i])
+    assert swimming[crossing][0] > 0.2  # the front rod is up when the rear rod passes the middle on its way up

@@ -73,6 +73,8 @@ def test_in_lockstep_three_robots_are_the_library_bit_for_bit_also_with_a_new_le
 
     steps_are_those_of_the_library()
     assert all(follower.odometry.finite for follower in followers)
+    assert leader.set_parameter('step_duration', 60.0).successful  # far beyond what a new clock has when it is heard
+    wait_for_stamp(probe, leader.step(), *followers)
     leader.node.send(signal.SIGKILL)
     leader.node.exit_status()
     wait_for_line(probe, 'follows /clock, which nobody publishes', *followers)

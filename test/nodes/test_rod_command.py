@@ -18,7 +18,7 @@ PRESENT = np.array([[0.1, 0.2], [0.3, 0.4]])
 
 @pytest.fixture(scope='module')
 def rods(module_launch, probe):
-    robot = LockstepRobot(module_launch, probe, 'rods', '-p start_paused:=true')
+    robot = LockstepRobot(module_launch, probe, 'rods', '-p start_paused:=true -p joint_state_rate:=100.0')
     robot.joints = probe.record(JointState, '/rods/joint_states')
     robot.rods = probe.node.create_publisher(JointState, '/rods/rod_command', 10)
     probe.until(lambda: robot.rods.get_subscription_count(), 'the subscription')

@@ -63,8 +63,9 @@ def test_each_topic_has_its_type_and_there_are_no_others(heard, probe):
     assert published == {
         topic: f'{kind.__module__.split(".")[0]}/msg/{kind.__name__}' for topic, kind in expected.items()}
     assert taken == {
-        '/fin_command': 'std_msgs/msg/Float64MultiArray', '/set_pose': 'geometry_msgs/msg/PoseStamped',
-        '/current': 'geometry_msgs/msg/Vector3Stamped', '/body_wrench': 'geometry_msgs/msg/WrenchStamped'}
+        '/fin_command': 'std_msgs/msg/Float64MultiArray', '/rod_command': 'sensor_msgs/msg/JointState',
+        '/set_pose': 'geometry_msgs/msg/PoseStamped', '/current': 'geometry_msgs/msg/Vector3Stamped',
+        '/body_wrench': 'geometry_msgs/msg/WrenchStamped'}
 
 
 def test_each_topic_is_reliable(heard, probe):

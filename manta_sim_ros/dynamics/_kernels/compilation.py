@@ -6,6 +6,7 @@ import contextlib
 import hashlib
 import inspect
 import logging
+import os
 import pickle  # nosec B403 # see _load_data
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
@@ -129,7 +130,7 @@ class _Folders(CompileResultCacheImpl):
 class _CheckedFiles(IndexDataCacheFile):
     """Files of a kernel with a checksum: machine code that was changed or cut short must never run.
 
-    They are kept in the first of the folders, and looked for in all.
+    They are kept in the first of the folders, and looked for in all: in others only if the first is at home or nowhere.
     """
 
     def __init__(self, folders: Sequence[str], *about: Any) -> None:
@@ -168,7 +169,9 @@ class _KernelCache(FunctionCache):
 
     def __init__(self, function: Callable[..., Any]) -> None:
         super().__init__(function)
-        others = [folder for folder in _shared_folders(function) if folder != self._cache_path]
+        shared = _shared_folders(function)
+        own = self._cache_path in shared and os.access(self._cache_path, os.W_OK)  # then others are nobody's business
+        others = [] if own else [folder for folder in shared if folder != self._cache_path]
         self._cache_file = _CheckedFiles(
             [self._cache_path, *others], self._impl.filename_base, self._impl.locator.get_source_stamp())
         self._unreadable: Exception | None = None
