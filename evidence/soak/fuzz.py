@@ -36,8 +36,7 @@ quaternions must have the norm 1, and a message that must be refused must be cou
 all the time. The same seed gives the same inputs (`--seed`)."""
 NOT_SURVIVED = """
 Nothing was found that ends the node. Values that are valid but extreme can make it useless, and the fuzzer avoids
-them: with fewer than one output per second (`publish_rate` times `real_time_factor`) diagnostics come as rarely as
-the outputs, and during a `~/step` of an hour of simulated time the node answers nothing else, except signals."""
+them: during a `~/step` of an hour of simulated time the node answers nothing else for up to 50 s, except signals."""
 
 DEPTH = 1000  # of the queues of the node's subscriptions: no input is lost
 BATCH = 8  # messages on each topic between two checks

@@ -115,7 +115,7 @@ class SimNode(ParameterNode):
             began = listen_until = time.monotonic()
             if self._time_to_tick(began) <= 0.0:
                 self._tick()
-                done = time.monotonic()
+                done = self._ticked_at = time.monotonic()
                 self._computing += done - began
                 self._next_tick = max(self._next_tick + self._tick_period, done)  # delays are not caught up
                 listen_until = done + LISTENING_SHARE * (done - began)
@@ -148,7 +148,8 @@ class SimNode(ParameterNode):
     def _set_pace(self) -> None:
         pace = self._settings.node.pace
         self._tick_period = 1.0 / pace if pace > 0.0 else 0.0
-        self._next_tick = time.monotonic() + self._tick_period
+        self._ticked_at = time.monotonic()
+        self._next_tick = self._ticked_at + self._tick_period
         self._begin_pace_window()
 
     def _take_command(self, message: Float64MultiArray) -> None:
@@ -195,7 +196,7 @@ class SimNode(ParameterNode):
         self.get_logger().error(line, throttle_duration_sec=DIVERGENCE_ERROR_PERIOD)
 
     def _begin_pace_window(self) -> None:
-        self._window_began = time.monotonic(), self._robot.state.time
+        self._window_began = self._ticked_at, self._robot.state.time
         self._computing = 0.0
 
     def _report(self) -> None:
@@ -207,7 +208,8 @@ class SimNode(ParameterNode):
         if not (self._time.paused or self._leader.stands_still):
             self._outputs.count_subscribers()  # whoever comes after it gets the state again when time stands still
         health = self._health()
-        self._begin_pace_window()
+        if not math.isnan(health.reached_factor):
+            self._begin_pace_window()
         self._warn_of_model()
         self._divergences_reported = self._robot.divergences
         self._diagnostics.publish(DiagnosticArray(
@@ -233,7 +235,7 @@ class SimNode(ParameterNode):
         refusals = {
             'fin_command': self._refusals, 'rod_command': self._rod_refusals, 'parameters': self._parameter_refusals,
             **self._time.refusals, **self._disturbances.refusals}
-        elapsed, simulated = time.monotonic() - self._window_began[0], robot.state.time - self._window_began[1]
+        elapsed, simulated = self._ticked_at - self._window_began[0], robot.state.time - self._window_began[1]
         steps = simulated / model.solver.time_step
         power, speed = robot.transport.take()
         body_in_water, links_in_water = immersed_shares(model, robot.state)

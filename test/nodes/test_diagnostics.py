@@ -248,3 +248,13 @@ def test_diagnostics_come_once_a_second_whatever_is_paused_or_paced_meanwhile(la
     count = len(heard)
     probe.until(lambda: len(heard) >= count + 4, 'four more', doing=change, every=0.2)
     assert not any('nan' in by_matter(message.status)['pace'].message for message in heard[count:])
+
+
+def test_outputs_that_are_rarer_than_diagnostics_are_not_taken_for_a_slow_machine(launch, probe):
+    node = launch('sim_node', '-p publish_rate:=0.4 -r __ns:=/rare -r /clock:=/rare/clock '
+                              '-r /diagnostics:=/rare/diagnostics')
+    node.heard = probe.record(DiagnosticArray, '/rare/diagnostics')
+    until_said(node, probe, 'pace', 'times real time')
+    assert len(node.heard) > 2
+    assert not any('at 0 times' in by_matter(message.status)['pace'].message for message in node.heard)
+    assert 'real-time factor 0.00' not in node.output

@@ -27,7 +27,8 @@ NAMES = {
              'added_mass_coefficient added_mass_density',
     'body': 'mass inertia drag_area drag_coefficient angular_damping buoyancy_center gravity '
             'added_mass linear_damping quadratic_damping net_buoyancy',
-    'rods': 'front_radius rear_radius support_length rear_motor_position command_time_constant',
+    'rods': 'front_radius rear_radius support_length rear_motor_position command_time_constant '
+            'servo_time_constant servo_rate_limit',
     'fin': 'chains links span thickness youngs_modulus joint_damping drag_coefficient density '
            'shear_modulus twist_damping',
     'solver': 'time_step fixed_base coupling',
