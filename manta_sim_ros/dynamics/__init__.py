@@ -1,5 +1,6 @@
 """The coupled dynamics of the robotic manta, free of ROS: every public name has its one path here."""
 
+from manta_sim_ros.dynamics.batch import simulate_batch
 from manta_sim_ros.dynamics.command import REST, SIDES, FinCommand
 from manta_sim_ros.dynamics.load import fin_loads, immersed_shares
 from manta_sim_ros.dynamics.noise import gaussian_noise
@@ -34,5 +35,5 @@ __all__ = [
     'ModelWarning', 'ParameterGroup', 'Parameters', 'Quantity', 'Simulator', 'StabilityWarning', 'State', 'Vector',
     'body_warning', 'compile_kernels', 'cut', 'fin_dynamics', 'fin_loads', 'fin_surfaces', 'gaussian_noise',
     'immersed_shares', 'largest_stable_step', 'quantity', 'read_sections', 'rod_rates', 'shown', 'shown_name',
-    'shown_names', 'step_warning', 'support_angles', 'support_rates', 'turn_warning', 'values_for',
+    'shown_names', 'simulate_batch', 'step_warning', 'support_angles', 'support_rates', 'turn_warning', 'values_for',
 ]

@@ -89,7 +89,7 @@ class Simulator:
         self._mean_current = np.array(self._parameters.water.current)
         warning = body_warning(self._parameters)
         if warning is not None:
-            warnings.warn(warning, ModelWarning, stacklevel=2)
+            self._warn(warning, ModelWarning, stacklevel=2)
         self._go_to(state)
 
     @property
@@ -209,7 +209,7 @@ class Simulator:
     def _warn_of_step(self, warning: str | None, stacklevel: int) -> None:
         warned, self._step_too_large = self._step_too_large, warning is not None
         if warning is not None and not warned:
-            warnings.warn(warning, StabilityWarning, stacklevel)
+            self._warn(warning, StabilityWarning, stacklevel)
 
     def advance(
         self, duration: float, *, current: Sequence[float] | FloatArray | None = None,
@@ -238,7 +238,7 @@ class Simulator:
             had before.
 
         """
-        steps = self._whole_steps(duration)
+        steps = self._whole_steps('duration', duration)
         before, water, time_step = self._state, self._parameters.water, self._parameters.solver.time_step
         mean = self._mean_current if current is None else finite_array('current', current, (3,))
         on_body = _NO_WRENCH if body_wrench is None else finite_array('body_wrench', body_wrench, (6,))
@@ -288,17 +288,20 @@ class Simulator:
         if self._turn_warning is None:
             self._turn_warning = turn_warning(self._parameters, self._state)
             if self._turn_warning is not None:
-                warnings.warn(self._turn_warning, ModelWarning, stacklevel=3)
+                self._warn(self._turn_warning, ModelWarning, stacklevel=3)
 
-    def _whole_steps(self, duration: float) -> int:
+    def _warn(self, message: str, category: type[Warning], stacklevel: int) -> None:
+        warnings.warn(message, category, stacklevel + 1)
+
+    def _whole_steps(self, name: str, duration: float) -> int:
         time_step = self._parameters.solver.time_step
         longest = MOST_STEPS * time_step
         if isinstance(duration, bool) or not isinstance(duration, numbers.Real) or not 0.0 <= duration <= longest:
-            raise ValueError(f'duration is {shown(duration)}, but must be a number from 0 to {longest:g} s')
+            raise ValueError(f'{name} is {shown(duration)}, but must be a number from 0 to {longest:g} s')
         steps = round(duration / time_step)
         if abs(duration / time_step - steps) > WHOLE_STEPS_TOLERANCE:
             raise ValueError(
-                f'duration is {shown(duration)} s, but must be a whole number of steps of solver.time_step, '
+                f'{name} is {shown(duration)} s, but must be a whole number of steps of solver.time_step, '
                 f'{time_step!r} s; the nearest is {steps * time_step!r} s'
             )
         return steps

@@ -7,7 +7,16 @@ import numpy as np
 import pytest
 
 from evidence.scenarios import assert_same_bits, sized
-from manta_sim_ros.dynamics import REST, FinCommand, Parameters, Simulator, State, fin_dynamics, fin_loads
+from manta_sim_ros.dynamics import (
+    REST,
+    FinCommand,
+    Parameters,
+    Simulator,
+    State,
+    fin_dynamics,
+    fin_loads,
+    simulate_batch,
+)
 from manta_sim_ros.dynamics.quantity import LONGEST_ECHO, real_array
 
 PARAMETERS = sized(4, 2)
@@ -40,6 +49,7 @@ NUMBERS = {
     'start_time': lambda value: dataclasses.replace(STATE, start_time=value),
     'step_count': lambda value: dataclasses.replace(STATE, step_count=value),
     'duration': lambda value: Simulator(PARAMETERS).advance(value),
+    'robot 0: duration': lambda value: simulate_batch(PARAMETERS, [STATE], None, value),
     'side': lambda value: fin_dynamics(
         PARAMETERS, value, np.zeros((2, 3)), np.zeros((4, 2)), np.zeros((4, 2)), np.zeros(6), np.zeros(6)),
     'fin.span': lambda value: Parameters().replace(fin={'span': value}),
@@ -59,6 +69,7 @@ ARRAYS = {
         'parameters': PARAMETERS, 'side': 0, 'rod_motion': np.zeros((2, 3)), 'joint_angles': np.zeros((4, 2)),
         'joint_rates': np.zeros((4, 2)), 'body_twist': np.zeros(6), 'body_acceleration': np.zeros(6), name: value})
        for name in ('rod_motion', 'joint_rates', 'body_twist', 'body_acceleration')},
+    'robot 0: every': lambda value: simulate_batch(PARAMETERS, [STATE], None, 0.002, every=value),
     'body.inertia': lambda value: Parameters().replace(body={'inertia': value}),
     'body.added_mass': lambda value: Parameters().replace(body={'added_mass': value}),
 }
@@ -67,6 +78,10 @@ OBJECTS = {
     'state': lambda value: Simulator(PARAMETERS, state=value),
     'right command': lambda value: Simulator(PARAMETERS).command(left=REST, right=value),
     'fin': lambda value: Parameters(fin=value),
+    'robot 1: parameters': lambda value: simulate_batch([PARAMETERS, value], [STATE, STATE], None, 0.002),
+    'robot 1: state': lambda value: simulate_batch(PARAMETERS, [STATE, value], None, 0.002),
+    'robot 1: ': lambda value: simulate_batch(PARAMETERS, [STATE, STATE], [None, value], 0.002),
+    'robot 0: the right command': lambda value: simulate_batch(PARAMETERS, [STATE], [(REST, value)], 0.002),
 }
 
 

@@ -55,3 +55,10 @@ def test_light_body_shows_where_the_staggered_coupling_ends(tmp_path):
     for one, other in zip(staggered[:-1], monolithic):
         assert abs(float(one) - other) < 0.005 * other  # the paper's step; measured: 0.2 %
     assert monolithic == sorted(monolithic)  # a lighter robot starts faster
+
+
+def test_sweep_phase_finds_a_fastest_phase_between_the_ends(tmp_path):
+    found = [re.fullmatch(r'phase (\d+)°  +([\d.]+) m/s', line) for line in run('sweep_phase.py', tmp_path)]
+    speeds = {int(line[1]): float(line[2]) for line in found}
+    assert list(speeds) == list(range(10, 90, 10))
+    assert 10 < max(speeds, key=speeds.get) < 80
