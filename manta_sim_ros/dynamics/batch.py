@@ -10,12 +10,22 @@ from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any, overload
 
+import numpy as np
+
+from manta_sim_ros.dynamics._kernels import packed
+from manta_sim_ros.dynamics._kernels.compilation import announced_compilation
+from manta_sim_ros.dynamics._kernels.constants import Constants
+from manta_sim_ros.dynamics._kernels.motion import Motion
+from manta_sim_ros.dynamics._kernels.packed import ROBOTS
 from manta_sim_ros.dynamics.command import FinCommand
-from manta_sim_ros.dynamics.parameters import Parameters, check_parameters
-from manta_sim_ros.dynamics.quantity import shown
+from manta_sim_ros.dynamics.parameters import SEQUENTIAL, Parameters, check_parameters
+from manta_sim_ros.dynamics.quantity import FloatArray, shown
 from manta_sim_ros.dynamics.simulator import LINK_STEPS_AT_ONCE, DivergenceError, Simulator
 from manta_sim_ros.dynamics.stability import ModelWarning, StabilityWarning
 from manta_sim_ros.dynamics.state import State
+
+MOST_LINKS = 100
+"""Links of a fin up to which robots are simulated together: with more, several robots do not fit into the cache."""
 
 Commands = Sequence[tuple[FinCommand, FinCommand] | None]
 """(left, right) of each robot, or None for a robot that goes on as before."""
@@ -41,7 +51,7 @@ def simulate_batch(
 ) -> list[State | DivergenceError] | list[list[State] | DivergenceError]:
     """Advance many robots, which do not feel each other, by `duration` on all cores that this process may use.
 
-    Each robot moves as a `Simulator` moves it. The results do not depend on the number of cores. Other threads run
+    Each robot moves as a `Simulator` moves it, to rounding. The results do not depend on the number of cores. Other threads run
     meanwhile. A warning that a `Simulator` would give is given once, for the first robot that it concerns, with the
     number of the others.
 
@@ -77,27 +87,30 @@ def simulate_batch(
     robots = _robots(parameters, states, commands)
     intervals = [robot.intervals(duration, every) for robot in robots]
     _warn_once(robots)
-    stop = threading.Event()
-    with ThreadPoolExecutor(max(1, min(_cores(), len(robots)))) as pool:
+    blocks, stop = _blocks(robots), threading.Event()
+    with ThreadPoolExecutor(max(1, min(_cores(), len(blocks)))) as pool:
         try:
-            results = list(pool.map(lambda robot, steps: robot.states_after(steps, stop), robots, intervals))
+            list(pool.map(lambda block: _advance(block, intervals[block[0].index], stop), blocks))
         except BaseException:  # also Ctrl-C, which comes to this thread
             stop.set()
             raise
     _warn_once(robots)
     if every is None:
-        return [result if isinstance(result, DivergenceError) else result[-1] for result in results]
-    return results
+        return [robot.state if robot.error is None else robot.error for robot in robots]
+    return [robot.record if robot.error is None else robot.error for robot in robots]
 
 
 class _Robot(Simulator):
-    """One robot of a batch. It keeps its warnings."""
+    """One robot of a batch. It keeps its warnings, its error and its record."""
+
+    error: DivergenceError | None = None
 
     def __init__(
         self, index: int, parameters: Parameters, state: State, commands: Sequence[FinCommand] | None,
     ) -> None:
         self.index = index
         self.warnings: dict[type[Warning], str] = {}
+        self.record: list[State] = []
         with self._named():
             check_parameters(parameters)
             super().__init__(parameters, state)
@@ -129,21 +142,78 @@ class _Robot(Simulator):
                 raise ValueError(f'duration is {shown(duration)} s, but must be a multiple of every, {shown(every)} s')
             return [interval] * (steps // interval)
 
-    def states_after(self, intervals: list[int], stop: threading.Event) -> list[State] | DivergenceError:
-        """Advance by intervals of so many steps; return the states after them, or the error if the robot diverges."""
-        time_step = self.parameters.solver.time_step
-        at_once = max(1, LINK_STEPS_AT_ONCE // self.state.joint_angles.size)
-        states: list[State] = []
+    @property
+    def kind(self) -> tuple[object, ...] | None:
+        """What robots that are simulated together have in common; None for a robot that is simulated alone."""
+        fin, solver = self.parameters.fin, self.parameters.solver
+        varying = any(self.parameters.water.current_deviation)
+        if solver.coupling != SEQUENTIAL or varying or fin.chains * fin.links > MOST_LINKS:
+            return None
+        known = self._constants
+        return (
+            fin.chains, fin.links, solver.time_step, solver.fixed_base, known.body.moves_water,
+            known.fin.added_mass > 0.0, known.fin.twist_stiffness > 0.0 or known.fin.twist_damping > 0.0)
+
+    def advance_alone(self, steps: int) -> None:
+        """Advance by so many steps, or keep the error if the robot diverges."""
         try:
-            for steps in intervals:
-                for taken in range(0, max(steps, 1), at_once):
-                    if stop.is_set():
-                        return states
-                    self.advance(min(steps - taken, at_once) * time_step)
-                states.append(self.state)
+            self.advance(steps * self.parameters.solver.time_step)
         except DivergenceError as error:
-            return error
-        return states
+            self.error = error
+
+    def member(self) -> tuple[Constants, FloatArray, Motion]:
+        """Return what a pack needs of this robot."""
+        motion = Motion(*(getattr(self.state, name) for name in Motion._fields))
+        return self._constants, np.array(self.parameters.water.current), motion
+
+    def go_on(self, motion: Motion, steps: int) -> None:
+        """Continue from the motion after so many steps."""
+        before, time_step = self.state, self.parameters.solver.time_step
+        self._state = State.unchecked(
+            **motion._asdict(),
+            time=before.start_time + (before.step_count + steps) * time_step,
+            start_time=before.start_time,
+            step_count=before.step_count + steps,
+            current_deviation=np.zeros(3),
+        )
+        self._warn_of_turn()
+
+
+def _blocks(robots: list[_Robot]) -> list[list[_Robot]]:
+    """Return the robots in blocks of one kind, of which each is simulated on one core."""
+    kinds: dict[tuple[object, ...], list[_Robot]] = {}
+    for robot in robots:
+        kinds.setdefault(robot.kind or (robot.index,), []).append(robot)
+    return [alike[start:start + ROBOTS] for alike in kinds.values() for start in range(0, len(alike), ROBOTS)]
+
+
+def _advance(block: list[_Robot], intervals: list[int], stop: threading.Event) -> None:
+    """Advance a block by intervals of so many steps, and record the states after them."""
+    links = sum(robot.state.joint_angles.size for robot in block)
+    at_once = max(1, LINK_STEPS_AT_ONCE // links)
+    for steps in intervals:
+        for taken in range(0, steps, at_once):
+            if stop.is_set():
+                return
+            _advance_together([robot for robot in block if robot.error is None], min(steps - taken, at_once))
+        for robot in block:
+            robot.record.append(robot.state)
+
+
+def _advance_together(robots: list[_Robot], steps: int) -> None:
+    """Advance a block by so many steps: together, but for robots that diverge or come near the surface."""
+    while len(robots) > 1:
+        pack = packed.pack_of([robot.member() for robot in robots])
+        with announced_compilation():
+            failed = packed.advance(pack, steps)
+        if failed < 0:
+            for robot, motion in zip(robots, packed.motions_of(pack), strict=False):  # a pack is filled up
+                robot.go_on(motion, steps)
+            return
+        alone = robots.pop(min(failed, len(robots) - 1))
+        alone.advance_alone(steps)
+    for robot in robots:
+        robot.advance_alone(steps)
 
 
 def _robots(

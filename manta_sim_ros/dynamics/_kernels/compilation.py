@@ -32,7 +32,7 @@ class _DistinctArrays(CompilerBase):
         return [DefaultPassBuilder.define_nopython_pipeline(self.state)]
 
 
-_OPTIONS: dict[str, Any] = {
+KERNEL_OPTIONS: dict[str, Any] = {
     'error_model': 'numpy',
     'pipeline_class': _DistinctArrays,
     '_nrt': False,  # a kernel allocates nothing, else it does not compile: no references of arrays are counted
@@ -42,12 +42,12 @@ _OPTIONS: dict[str, Any] = {
 
 def kernel(function: Callable[..., Any]) -> Any:
     """Compile a function that other kernels call. Its array arguments must not overlap, and it allocates nothing."""
-    return numba.njit(**_OPTIONS)(function)
+    return numba.njit(**KERNEL_OPTIONS)(function)
 
 
 def rare_kernel(function: Callable[..., Any]) -> Any:
     """Compile a function that kernels call rarely, as `kernel` does, but by itself, which is faster to compile."""
-    return numba.njit(**{**_OPTIONS, 'forceinline': False})(function)
+    return numba.njit(**{**KERNEL_OPTIONS, 'forceinline': False})(function)
 
 
 def entry_kernel(function: Callable[..., Any]) -> Any:
@@ -56,7 +56,7 @@ def entry_kernel(function: Callable[..., Any]) -> Any:
     Other threads run while it computes. It must not return a named tuple: making one runs Python code, where a signal
     raises an exception that Numba misses.
     """
-    compiled = numba.njit(**_OPTIONS, nogil=True)(function)
+    compiled = numba.njit(**KERNEL_OPTIONS, nogil=True)(function)
     try:
         compiled._cache = _KernelCache(function)
     except Exception as error:  # no place that can be written to, no home; a cache only saves time

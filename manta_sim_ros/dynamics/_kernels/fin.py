@@ -33,6 +33,22 @@ class SupportAcceleration(NamedTuple):
     slope: Vector  # its change along x_0 [1/s^2]
 
 
+LANES = 1
+"""Fins whose chains stand side by side in a row: chain k of a fin is `LANES` before its chain k + 1."""
+
+
+@kernel
+def at(value: float, k: int) -> float:
+    """Return a value of chain k that all chains of a fin share. `packed` puts a row of values in its place."""
+    return value
+
+
+@kernel
+def vector_of(vector: Vector, k: int) -> Vector:
+    """Return a vector of chain k that all chains of a fin share, as `at`."""
+    return vector
+
+
 @kernel
 def support_acceleration(support: SupportMotion) -> SupportAcceleration:
     """Return the inertial acceleration of the points of the support."""
@@ -66,12 +82,12 @@ def sine_cosine(x: float) -> tuple[float, float]:
 def link_motion(fin: FinConstants, links: Links, chains: Chains) -> None:
     """From root to tip: pose (3) and velocity (16) of each link in F_0, and its joint torque, (13) to (15)."""
     count, row = links.q.shape
-    dl, stiffness, damping = fin.link_length, fin.stiffness, fin.damping
     for k in range(row):
         chains.tip_c[k], chains.tip_s[k], chains.tip_w[k] = 1.0, 0.0, 0.0
         chains.tip_y[k], chains.tip_z[k], chains.tip_y_dot[k], chains.tip_z_dot[k] = 0.0, 0.0, 0.0, 0.0
     for j in range(count):
         for k in range(row):
+            dl, stiffness, damping = at(fin.link_length, k), at(fin.stiffness, k), at(fin.damping, k)
             half_s, half_c = sine_cosine(0.5 * links.q[j, k])
             half_c2 = half_c * half_c
             q_c, q_s = half_c2 - half_s * half_s, 2.0 * half_s * half_c
@@ -100,10 +116,10 @@ def add_twist_torques(fin: FinConstants, links: Links, chains: Chains) -> None:
     difference along the chord of stiffness times its angle to y_0 and damping times the rate of that; the two edges are
     free. A joint carries the moments of all links beyond it. After `link_motion`.
     """
-    if fin.twist_stiffness == 0.0 and fin.twist_damping == 0.0:
+    if at(fin.twist_stiffness, 0) == 0.0 and at(fin.twist_damping, 0) == 0.0:
         return
     count, row = links.q.shape
-    last, stiffness, damping = fin.chains - 1, fin.twist_stiffness, fin.twist_damping
+    last = (fin.chains - 1) * LANES
     for k in range(row):
         chains.angle[k], chains.twist[k] = 0.0, 0.0
     for j in range(count):
@@ -111,13 +127,16 @@ def add_twist_torques(fin: FinConstants, links: Links, chains: Chains) -> None:
             chains.angle[k] += links.q[j, k]
     for j in range(count - 1, -1, -1):
         for k in range(row):
+            stiffness, damping = at(fin.twist_stiffness, k), at(fin.twist_damping, k)
             chains.moment[k] = stiffness * chains.angle[k] + damping * links.w[j, k]
             chains.angle[k] -= links.q[j, k]
-        chains.twist[0] += chains.moment[1] - chains.moment[0]
-        for k in range(1, last):
-            chains.twist[k] += chains.moment[k - 1] - 2.0 * chains.moment[k] + chains.moment[k + 1]
-        chains.twist[last] += chains.moment[last - 1] - chains.moment[last]
-        for k in range(fin.chains, row):
+        for k in range(LANES):
+            chains.twist[k] += chains.moment[k + LANES] - chains.moment[k]
+        for k in range(LANES, last):
+            chains.twist[k] += chains.moment[k - LANES] - 2.0 * chains.moment[k] + chains.moment[k + LANES]
+        for k in range(last, last + LANES):
+            chains.twist[k] += chains.moment[k - LANES] - chains.moment[k]
+        for k in range(last + LANES, row):
             chains.twist[k] = chains.twist[last]
         for k in range(row):
             links.torque[j, k] += chains.twist[k]
@@ -131,15 +150,18 @@ def surface_slopes(fin: FinConstants, links: Links) -> None:
     """
     c, s, y, z, slope = links.c, links.s, links.y, links.z, links.slope
     count, row = c.shape
-    last, ds = fin.chains - 1, fin.chain_spacing
+    last = (fin.chains - 1) * LANES
     for j in range(count):
-        slope[j, 0] = ((y[j, 0] - y[j, 1]) * s[j, 0] - (z[j, 0] - z[j, 1]) * c[j, 0]) / ds
-        for k in range(1, last):
-            slope[j, k] = ((y[j, k - 1] - y[j, k + 1]) * s[j, k] - (z[j, k - 1] - z[j, k + 1]) * c[j, k]) / (2.0 * ds)
-        slope[j, last] = (
-            (y[j, last - 1] - y[j, last]) * s[j, last] - (z[j, last - 1] - z[j, last]) * c[j, last]
-        ) / ds
-        for k in range(fin.chains, row):
+        for k in range(LANES):
+            dy, dz = y[j, k] - y[j, k + LANES], z[j, k] - z[j, k + LANES]
+            slope[j, k] = (dy * s[j, k] - dz * c[j, k]) / at(fin.chain_spacing, k)
+        for k in range(LANES, last):
+            dy, dz = y[j, k - LANES] - y[j, k + LANES], z[j, k - LANES] - z[j, k + LANES]
+            slope[j, k] = (dy * s[j, k] - dz * c[j, k]) / (2.0 * at(fin.chain_spacing, k))
+        for k in range(last, last + LANES):
+            dy, dz = y[j, k - LANES] - y[j, k], z[j, k - LANES] - z[j, k]
+            slope[j, k] = (dy * s[j, k] - dz * c[j, k]) / at(fin.chain_spacing, k)
+        for k in range(last + LANES, row):
             slope[j, k] = slope[j, last]
 
 
@@ -151,11 +173,11 @@ def water_loads(fin: FinConstants, relative_velocity: Vector, omega: Vector, lin
     the joints. `relative_velocity` is that of A to the water, `omega` is Omega_0, components in F_0.
     """
     count, row = links.c.shape
-    vx, vy, vz = relative_velocity
-    wx, wy, wz = omega
-    station, factor = fin.station, fin.drag
+    station = fin.station
     for j in range(count):
         for k in range(row):
+            vx, vy, vz = vector_of(relative_velocity, k)
+            wx, wy, wz = vector_of(omega, k)
             y, z, slope = links.y[j, k], links.z[j, k], links.slope[j, k]
             normal_velocity = (
                 slope * (vx + wy * z - wz * y)
@@ -163,14 +185,14 @@ def water_loads(fin: FinConstants, relative_velocity: Vector, omega: Vector, lin
                 + links.c[j, k] * (vz + wx * y - wy * station[k] + links.z_dot[j, k])
             )
             n2 = 1.0 + slope * slope
-            links.load[j, k] = -factor * abs(normal_velocity) * normal_velocity / (n2 * sqrt(n2))
-    if fin.added_mass > 0.0:
+            links.load[j, k] = -at(fin.drag, k) * abs(normal_velocity) * normal_velocity / (n2 * sqrt(n2))
+    if at(fin.added_mass, 0) > 0.0:
         for j in range(count):
             for k in range(row):
                 slope = links.slope[j, k]
                 along = acceleration_along_support(
-                    omega, station[k], links.y[j, k], links.z[j, k], links.y_dot[j, k], links.z_dot[j, k])
-                links.mu[j, k] = fin.added_mass / (1.0 + slope * slope)
+                    vector_of(omega, k), station[k], links.y[j, k], links.z[j, k], links.y_dot[j, k], links.z_dot[j, k])
+                links.mu[j, k] = at(fin.added_mass, k) / (1.0 + slope * slope)
                 links.load[j, k] -= links.mu[j, k] * slope * along
 
 
@@ -198,21 +220,21 @@ def articulated_inertia(
     relative to a frame that accelerates so.
     """
     count, row = links.c.shape
-    wx, wy, wz = omega
-    dl, mass = fin.link_length, fin.link_mass
-    half = 0.5 * dl
-    moment, inertia = half * mass, mass * dl * dl / 3.0  # first and second, of the link's mass about its hinge
     for k in range(row):
         chains.m_yy[k], chains.m_yz[k], chains.m_zz[k] = 0.0, 0.0, 0.0
         chains.p_y[k], chains.p_z[k], chains.torque[k] = 0.0, 0.0, 0.0
     for j in range(count - 1, -1, -1):
         for k in range(row):
+            wx, wy, wz = vector_of(omega, k)
+            dl, mass, roll = at(fin.link_length, k), at(fin.link_mass, k), at(roll_acceleration, k)
+            half = 0.5 * dl
+            moment, inertia = half * mass, mass * dl * dl / 3.0  # first and second, of the link's mass about its hinge
             c, s, load, mu = links.c[j, k], links.s[j, k], links.load[j, k], links.mu[j, k]
             m_yy, m_yz, m_zz, p_y, p_z = chains.m_yy[k], chains.m_yz[k], chains.m_zz[k], chains.p_y[k], chains.p_z[k]
             spin = links.w[j, k] + wx
             spin2 = spin * spin
-            gy = -roll_acceleration * s - spin2 * c + wz * (wy * s - wz * c)
-            gz = roll_acceleration * c - spin2 * s + wy * (wz * c - wy * s)
+            gy = -roll * s - spin2 * c + wz * (wy * s - wz * c)
+            gz = roll * c - spin2 * s + wy * (wz * c - wy * s)
             turning = c * gz - s * gy
             ey = p_y + dl * (m_yy * gy + m_yz * gz)
             ez = p_z + dl * (m_yz * gy + m_zz * gz)
@@ -247,13 +269,16 @@ def joint_accelerations(
     `acceleration` is that of the support; `roll_acceleration` what `articulated_inertia` did not know of it.
     """
     count, row = links.c.shape
-    dl, station = fin.link_length, fin.station
+    station = fin.station
     for k in range(row):
-        chains.a_y[k] = acceleration.at_a[1] + acceleration.slope[1] * station[k]
-        chains.a_z[k] = acceleration.at_a[2] + acceleration.slope[2] * station[k]
-        chains.w_dot[k] = roll_acceleration
+        _, a_y, a_z = vector_of(acceleration.at_a, k)
+        _, slope_y, slope_z = vector_of(acceleration.slope, k)
+        chains.a_y[k] = a_y + slope_y * station[k]
+        chains.a_z[k] = a_z + slope_z * station[k]
+        chains.w_dot[k] = at(roll_acceleration, k)
     for j in range(count):
         for k in range(row):
+            dl = at(fin.link_length, k)
             without = links.u[j, k] - links.h_y[j, k] * chains.a_y[k] - links.h_z[j, k] * chains.a_z[k]
             w_dot = without * links.d_inverse[j, k]
             links.q_ddot[j, k] = w_dot - chains.w_dot[k]
@@ -270,33 +295,59 @@ def support_wrench(
 
     After `articulated_inertia`.
     """
-    dl, mass, station = fin.link_length, fin.link_mass, fin.station
-    wx, wy, wz = support.omega
-    a, a_slope = acceleration.at_a, acceleration.slope
-    # how the x component of the acceleration of a point at rest in F_0 changes with its y and z
-    xy, xz = wx * wy - support.omega_dot[2], wx * wz + support.omega_dot[1]
+    bending = acceleration_bending(support.omega, support.omega_dot)
     fx, fy, fz, mx, my, mz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     for k in range(fin.chains):
-        ay, az = a[1] + a_slope[1] * station[k], a[2] + a_slope[2] * station[k]
-        root_fy = chains.m_yy[k] * ay + chains.m_yz[k] * az + chains.p_y[k]
-        root_fz = chains.m_yz[k] * ay + chains.m_zz[k] * az + chains.p_z[k]
+        root_fy, root_fz = root_force(fin, acceleration, chains, k)
         fy -= root_fy
         fz -= root_fz
         mx -= links.torque[0, k]
-        my += station[k] * root_fz
-        mz -= station[k] * root_fy
+        my += fin.station[k] * root_fz
+        mz -= fin.station[k] * root_fy
     for j in range(links.c.shape[0]):
         for k in range(fin.chains):
-            c, s, y, z = links.c[j, k], links.s[j, k], links.y[j, k], links.z[j, k]
-            ax = a[0] + a_slope[0] * station[k] + xy * y + xz * z
-            ax += 2.0 * (wy * links.z_dot[j, k] - wz * links.y_dot[j, k])
-            gx = xy * c + xz * s + 2.0 * links.w[j, k] * (wy * c + wz * s)
-            force = mass * ax - links.load[j, k] * links.slope[j, k]
+            force, couple_y, couple_z = force_along_support(fin, support.omega, bending, acceleration, links, j, k)
             fx -= force
-            my -= z * force + mass * dl * dl / 12.0 * s * gx
-            mz += y * force + mass * dl * dl / 12.0 * c * gx
+            my -= links.z[j, k] * force + couple_y
+            mz += links.y[j, k] * force + couple_z
     ds = fin.chain_spacing
     return Wrench((ds * fx, ds * fy, ds * fz), (ds * mx, ds * my, ds * mz))
+
+
+@kernel
+def acceleration_bending(omega: Vector, omega_dot: Vector) -> tuple[float, float]:
+    """Return how the x component of the acceleration of a point at rest in F_0 changes with its y and z [1/s^2]."""
+    return omega[0] * omega[1] - omega_dot[2], omega[0] * omega[2] + omega_dot[1]
+
+
+@kernel
+def root_force(fin: FinConstants, acceleration: SupportAcceleration, chains: Chains, k: int) -> tuple[float, float]:
+    """Return the y and z components of the force of the support on chain k, M a + p."""
+    _, a_y, a_z = vector_of(acceleration.at_a, k)
+    _, slope_y, slope_z = vector_of(acceleration.slope, k)
+    ay, az = a_y + slope_y * fin.station[k], a_z + slope_z * fin.station[k]
+    return (
+        chains.m_yy[k] * ay + chains.m_yz[k] * az + chains.p_y[k],
+        chains.m_yz[k] * ay + chains.m_zz[k] * az + chains.p_z[k],
+    )
+
+
+@kernel
+def force_along_support(
+    fin: FinConstants, omega: Vector, bending: tuple[float, float], acceleration: SupportAcceleration, links: Links,
+    j: int, k: int,
+) -> tuple[float, float, float]:
+    """Return the force along x_0 that link j of chain k needs, and its couples about -y_0 and z_0."""
+    dl, mass = at(fin.link_length, k), at(fin.link_mass, k)
+    a_x, slope_x = vector_of(acceleration.at_a, k)[0], vector_of(acceleration.slope, k)[0]
+    _, wy, wz = vector_of(omega, k)
+    xy, xz = at(bending[0], k), at(bending[1], k)
+    c, s, y, z = links.c[j, k], links.s[j, k], links.y[j, k], links.z[j, k]
+    ax = a_x + slope_x * fin.station[k] + xy * y + xz * z
+    ax += 2.0 * (wy * links.z_dot[j, k] - wz * links.y_dot[j, k])
+    gx = xy * c + xz * s + 2.0 * links.w[j, k] * (wy * c + wz * s)
+    force = mass * ax - links.load[j, k] * links.slope[j, k]
+    return force, mass * dl * dl / 12.0 * s * gx, mass * dl * dl / 12.0 * c * gx
 
 
 @kernel

@@ -143,16 +143,25 @@ def workspace(chains: int, links: int) -> Workspace:
     row = row_length(chains)
     vector, matrix = (6,), (6, 6)
     return Workspace(
-        kept=_aligned_zeros((2, _KEPT, links, row)),
-        shared=_aligned_zeros((len(Links._fields) - _KEPT, links, row)),
-        chains=_aligned_zeros((len(Chains._fields), row)),
+        kept=aligned_zeros((2, _KEPT, links, row)),
+        shared=aligned_zeros((len(Links._fields) - _KEPT, links, row)),
+        chains=aligned_zeros((len(Chains._fields), row)),
         body=BodyArrays(*map(np.zeros, (
             (1, 13), (1, 13), (1, 13), (1, 13), vector, vector, matrix, matrix,
             (2, 6, 6), (2, 6), (2, 6, 6), (2, 6), (2, 3), matrix, vector))),
     )
 
 
-def _aligned_zeros(shape: tuple[int, ...]) -> FloatArray:
+def packed_workspace(row: int, links: int) -> Workspace:
+    """Return new memory for one fin whose rows have this length, for the staggered coupling."""
+    return workspace(2, 1)._replace(
+        kept=aligned_zeros((1, _KEPT, links, row)),
+        shared=aligned_zeros((len(Links._fields) - _KEPT, links, row)),
+        chains=aligned_zeros((len(Chains._fields), row)),
+    )
+
+
+def aligned_zeros(shape: tuple[int, ...]) -> FloatArray:
     size, spare = int(np.prod(shape)), _ALIGNMENT // 8
     memory = np.zeros(size + spare)
     start = -memory.ctypes.data // 8 % spare

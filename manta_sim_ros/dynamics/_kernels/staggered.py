@@ -105,8 +105,9 @@ def _step_fin(
     gait, body = gait_of(motion, side), body_motion(side, motion.twist, motion.acceleration)
     begin_joints(links)
     for stage in range(STAGES + 1):
-        front, rear = rod_motion(rods, gait, NODES[stage] * time_step)
-        support = support_motion(rods, front, rear, body)
+        if stage == 0 or NODES[stage] != NODES[stage - 1]:
+            front, rear = rod_motion(rods, gait, NODES[stage] * time_step)
+            support = support_motion(rods, front, rear, body)
         current_0 = rotate_back(support.rotation, mirror_polar(current, side))
         surface_0 = surface_at_support(surface, side, support)
         acceleration, dry = _fin_accelerations(fin, support, current_0, surface_0, links, chains)
@@ -128,7 +129,7 @@ def _step_fin(
 
 
 @kernel
-def _step_body(
+def step_body(
     constants: Constants, inputs: Inputs, rotation: Rotation, current: Vector, surface: Surface, motion: Motion,
 ) -> bool:
     """Take the step of the body by forward Euler, the fins' wrenches known; return whether it is not too fast.
@@ -178,7 +179,7 @@ def advance(
                 diverged = _step_fin(part, side, current, surface, motion, work)
                 if diverged >= 0:
                     return step, FIN_DIVERGED, side, diverged
-            if not constants.fixed_base and not _step_body(part, inputs, rotation, current, surface, motion):
+            if not constants.fixed_base and not step_body(part, inputs, rotation, current, surface, motion):
                 return step, BODY_DIVERGED, 0, 0
     store_joints(work, motion)
     store_rods(constants.rods, motion)
