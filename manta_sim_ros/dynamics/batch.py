@@ -51,9 +51,9 @@ def simulate_batch(
 ) -> list[State | DivergenceError] | list[list[State] | DivergenceError]:
     """Advance many robots, which do not feel each other, by `duration` on all cores that this process may use.
 
-    Each robot moves as a `Simulator` moves it, to rounding. The results do not depend on the number of cores. Other threads run
-    meanwhile. A warning that a `Simulator` would give is given once, for the first robot that it concerns, with the
-    number of the others.
+    Each robot moves as a `Simulator` moves it, to rounding. The results do not depend on the number of cores. Other
+    threads run meanwhile. A warning that a `Simulator` would give is given once, for the first robot that it concerns,
+    with the number of the others.
 
     Parameters
     ----------
@@ -147,7 +147,7 @@ class _Robot(Simulator):
         """What robots that are simulated together have in common; None for a robot that is simulated alone."""
         fin, solver = self.parameters.fin, self.parameters.solver
         varying = any(self.parameters.water.current_deviation)
-        if solver.coupling != SEQUENTIAL or varying or fin.chains * fin.links > MOST_LINKS:
+        if solver.coupling != SEQUENTIAL or varying or self.state.servos or fin.chains * fin.links > MOST_LINKS:
             return None
         known = self._constants
         return (
@@ -175,6 +175,7 @@ class _Robot(Simulator):
             start_time=before.start_time,
             step_count=before.step_count + steps,
             current_deviation=np.zeros(3),
+            servos=False,
         )
         self._warn_of_turn()
 
@@ -202,7 +203,7 @@ def _advance(block: list[_Robot], intervals: list[int], stop: threading.Event) -
 
 def _advance_together(robots: list[_Robot], steps: int) -> None:
     """Advance a block by so many steps: together, but for robots that diverge or come near the surface."""
-    while len(robots) > 1:
+    while len(robots) > ROBOTS // 2:  # fewer are faster one after the other
         pack = packed.pack_of([robot.member() for robot in robots])
         with announced_compilation():
             failed = packed.advance(pack, steps)

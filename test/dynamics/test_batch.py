@@ -68,8 +68,9 @@ MIXED = [
     sized(12, 3, water={'surface_height': 0.05}),
     sized(12, 3, solver={'time_step': 0.001}),
     sized(12, 3, solver={'coupling': MONOLITHIC}, water={'added_mass_coefficient': 1.0}),
-    *[sized(*size) for size in ((2, 1), (2, 1), (2, 1), (2, 1), (7, 4), (7, 4), (7, 4), (7, 4), (17, 3))],
+    *[sized(*size) for size in [(2, 1)] * 5 + [(7, 4)] * 9 + [(17, 3)]],
 ]
+MIXED += [each for each in MIXED if each.fin.shear_modulus > 0.0]  # enough of a kind to be simulated together
 PAIRS = [(SWIM, SWIM), None, (TURN, SWIM), (SWIM, REST), (TURN, TURN)]
 
 
@@ -86,7 +87,7 @@ def test_each_robot_moves_as_alone():
 
 
 def test_parameters_and_commands_may_be_of_all_robots():
-    states = [swimming(SMALL, duration=0.1 * count) for count in range(5)]
+    states = [swimming(SMALL, duration=0.1 * count) for count in range(9)]
     for result, state in zip(simulate_batch(SMALL, states, None, 0.1), states):
         assert_close_states(result, alone(SMALL, state, None, 0.1))
     assert simulate_batch(SMALL, [], None, 0.1) == []
@@ -94,8 +95,8 @@ def test_parameters_and_commands_may_be_of_all_robots():
 
 
 def test_states_at_intervals_end_with_the_last_state():
-    parameters = [SMALL] * 5 + [SMALL.replace(solver={'time_step': 0.001})]
-    states = [swimming(SMALL)] * 6
+    parameters = [SMALL] * 8 + [SMALL.replace(solver={'time_step': 0.001})]
+    states = [swimming(SMALL)] * 9
     at_end = simulate_batch(parameters, states, None, 0.3)
     for values, state, record, last in zip(parameters, states, simulate_batch(
             parameters, states, None, 0.3, every=0.1), at_end):
@@ -106,7 +107,7 @@ def test_states_at_intervals_end_with_the_last_state():
 
 
 def test_a_batch_goes_on_from_its_own_states_to_the_last_bit():
-    states = [swimming(sized(12, 3), duration=0.1 * count) for count in range(4)]
+    states = [swimming(sized(12, 3), duration=0.1 * count) for count in range(8)]
     halfway = simulate_batch(sized(12, 3), states, None, 0.2)
     for one, other in zip(simulate_batch(sized(12, 3), halfway, None, 0.2),
                           simulate_batch(sized(12, 3), states, None, 0.4)):
@@ -122,9 +123,9 @@ def test_a_robot_that_diverges_has_its_error_and_does_not_touch_the_others():
     rates[1, 2, 0] = 1700.0  # [rad/s], more than pi in a step
     thrown = dataclasses.replace(State.at_rest(free), joint_rates=rates)
     fast = dataclasses.replace(State.at_rest(stable), twist=np.array([1e4, 0.0, 0.0, 0.0, 0.0, 0.0]))
-    parameters = [stable, stiff, stable, stable, free, stable]
-    states = [State.at_rest(stable)] * 3 + [fast, thrown, State.at_rest(stable)]
-    commands = [(SWIM, SWIM), (SWIM, REST), (TURN, SWIM), (SWIM, REST), None, (REST, SWIM)]
+    parameters = [stable, stiff, stable, stable, free, *[stable] * 4]
+    states = [State.at_rest(stable)] * 3 + [fast, thrown] + [State.at_rest(stable)] * 4
+    commands = [(SWIM, SWIM), (SWIM, REST), (TURN, SWIM), (SWIM, REST), None, *[(REST, SWIM)] * 4]
     results = simulate_batch(parameters, states, commands, 0.8)
     for index, (values, state, pair, result) in enumerate(zip(parameters, states, commands, results)):
         if index in (1, 3, 4):
@@ -226,3 +227,18 @@ def test_the_number_of_cores_does_not_matter(monkeypatch, cores):
     monkeypatch.setattr('manta_sim_ros.dynamics.batch._cores', lambda: cores)
     for one, other in zip(simulate_batch(parameters, states, commands, 0.1), expected):
         assert bits(one) == bits(other)
+
+
+def test_robots_whose_rods_follow_servos_move_as_alone():
+    simulator = Simulator(SMALL)
+    simulator.command_rods(left=(0.3, 0.2), right=(0.1, -0.1))
+    state = simulator.advance(0.02)
+    expected = simulator.advance(0.1)
+    for result in simulate_batch(SMALL, [state] * 9, None, 0.1):
+        assert bits(result) == bits(expected)
+
+
+def test_robots_of_one_kind_are_simulated_together(monkeypatch):
+    monkeypatch.setattr(Simulator, 'advance', None)
+    states = [State.at_rest(SMALL)] * 13
+    assert all(state.time == 0.1 for state in simulate_batch(SMALL, states, [(SWIM, SWIM)] * 13, 0.1))

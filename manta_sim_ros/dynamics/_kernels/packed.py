@@ -7,7 +7,7 @@ Lane i is the left fin of robot i, or the right fin of robot i - ROBOTS.
 
 from __future__ import annotations
 
-from math import floor, pi
+from math import floor, pi, sqrt
 from types import FunctionType, ModuleType, SimpleNamespace
 from typing import Any, NamedTuple
 
@@ -23,14 +23,25 @@ from manta_sim_ros.dynamics._kernels.fin import SupportAcceleration, sine_cosine
 from manta_sim_ros.dynamics._kernels.gait import Gait, Rod, advance_gait
 from manta_sim_ros.dynamics._kernels.geometry import Wrench, mirror_polar, rotation_of, vector_at
 from manta_sim_ros.dynamics._kernels.inputs import Inputs
-from manta_sim_ros.dynamics._kernels.layout import Chains, Links, Workspace, aligned_zeros, chains_of, links_of, packed_workspace
+from manta_sim_ros.dynamics._kernels.layout import (
+    Chains,
+    Links,
+    Workspace,
+    aligned_zeros,
+    chains_of,
+    links_of,
+    packed_workspace,
+)
 from manta_sim_ros.dynamics._kernels.motion import Motion, diverged_chain, gait_of, store_rods, store_wrench
 from manta_sim_ros.dynamics._kernels.runge_kutta import NODES, STAGES
 from manta_sim_ros.dynamics._kernels.staggered import step_body
 from manta_sim_ros.dynamics._kernels.waterline import deep
 from manta_sim_ros.dynamics.quantity import FloatArray, Vector
 
-ROBOTS = 4
+Arrays = tuple[FloatArray, FloatArray, FloatArray]
+"""The components of vectors."""
+
+ROBOTS = 8
 """Robots that are simulated together."""
 
 LANES = 2 * ROBOTS
@@ -44,7 +55,7 @@ def at(values: FloatArray, k: int) -> float:
 
 
 @kernel
-def vector_of(rows: tuple[FloatArray, FloatArray, FloatArray], k: int) -> Vector:
+def vector_of(rows: Arrays, k: int) -> Vector:
     """Return the vector of number k of three rows."""
     return rows[0][k], rows[1][k], rows[2][k]
 
@@ -69,6 +80,27 @@ def cosine(x: float) -> float:
     return half if turns - 2.0 * floor(0.5 * turns) == 0.0 else -half
 
 
+# The rational approximation of asin in Sun's fdlibm, for |x| <= 1/2.
+P0, P1, P2, P3, P4, P5 = (
+    1.66666666666666657415e-01, -3.25565818622400915405e-01, 2.01212532134862925881e-01, -4.00555345006794114027e-02,
+    7.91534994289814532176e-04, 3.47933107596021167570e-05)
+Q1, Q2, Q3, Q4 = (
+    -2.40339491173441421878e+00, 2.02094576023350569471e+00, -6.88283971605453293030e-01, 7.70381505559019352791e-02)
+
+
+@kernel
+def arcsine(x: float) -> float:
+    """Return asin x to rounding; beyond 1/2 it is pi / 2 - 2 asin sqrt((1 - x) / 2)."""
+    size = abs(x)
+    square = x * x if size < 0.5 else 0.5 * (1.0 - size)
+    root = size if size < 0.5 else sqrt(square)
+    above = square * (P0 + square * (P1 + square * (P2 + square * (P3 + square * (P4 + square * P5)))))
+    below = 1.0 + square * (Q1 + square * (Q2 + square * (Q3 + square * Q4)))
+    angle = root + root * (above / below)
+    angle = angle if size < 0.5 else 0.5 * pi - 2.0 * angle
+    return angle if x > 0.0 else -angle
+
+
 def _compiled_again(*modules: ModuleType, **others: Any) -> SimpleNamespace:
     """Return the kernels of modules, which import from one another in this order, with `others` for what they call."""
     made: dict[str, Any] = dict(others)
@@ -82,45 +114,59 @@ def _compiled_again(*modules: ModuleType, **others: Any) -> SimpleNamespace:
 
 
 _wide = _compiled_again(
-    geometry, gait, actuation, fin, runge_kutta, LANES=LANES, at=at, vector_of=vector_of, sin=sine, cos=cosine)
+    geometry, gait, actuation, fin, runge_kutta,
+    LANES=LANES, at=at, vector_of=vector_of, sin=sine, cos=cosine, asin=arcsine)
 
-articulated_inertia, joint_accelerations, link_motion = (
-    _wide.articulated_inertia, _wide.joint_accelerations, _wide.link_motion)
 acceleration_bending, force_along_support, root_force = (
     _wide.acceleration_bending, _wide.force_along_support, _wide.root_force)
 add_twist_torques, surface_slopes, water_loads = _wide.add_twist_torques, _wide.surface_slopes, _wide.water_loads
-rod_motion, support_acceleration, support_motion = (
-    _wide.rod_motion, _wide.support_acceleration, _wide.support_motion)
-wrench_on_body, rotate_back = _wide.wrench_on_body, _wide.rotate_back
-begin_joints, end_joints, next_stage_of_joints = (
-    _wide.begin_joints, _wide.end_joints, _wide.next_stage_of_joints)
+articulated_inertia, joint_accelerations, link_motion = (
+    _wide.articulated_inertia, _wide.joint_accelerations, _wide.link_motion)
+begin_joints, end_joints, next_stage_of_joints = _wide.begin_joints, _wide.end_joints, _wide.next_stage_of_joints
+rod_motion, rotate_back, wrench_on_body = _wide.rod_motion, _wide.rotate_back, _wide.wrench_on_body
+support_acceleration, support_motion = _wide.support_acceleration, _wide.support_motion
+
 
 class Lanes(NamedTuple):
-    """What the fins have, [lane] where one fin has a number."""
+    """What the fins have: the tuples of one fin, with an array (LANES,) where that has a number."""
 
-    rods: RodConstants
-    gait: Gait
-    body: BodyMotion
-    current: tuple[FloatArray, FloatArray, FloatArray]  # in F_b, mirrored on the right
-    front: Rod
-    rear: Rod
-    support: SupportMotion  # the velocity is that to the water
-    acceleration: SupportAcceleration
+    rods: Any  # RodConstants
+    gait: Any  # Gait, with tuples of five arrays
+    body: Any  # BodyMotion
+    current: Arrays  # in F_b, mirrored on the right
+    front: Any  # Rod
+    rear: Any
+    support: Any  # SupportMotion, whose velocity is that to the water
+    acceleration: Any  # SupportAcceleration
     bending: tuple[FloatArray, FloatArray]
-    wrench: Wrench
+    wrench: Any  # Wrench on the support
 
 
 class Rows(NamedTuple):
     """What the chains of a fin share, in rows."""
 
-    fin: FinConstants
-    velocity: tuple[FloatArray, FloatArray, FloatArray]  # of A to the water, in F_0
-    omega: tuple[FloatArray, FloatArray, FloatArray]
+    fin: Any  # FinConstants
+    velocity: Arrays  # of A to the water, in F_0
+    omega: Arrays
     roll_acceleration: FloatArray
-    acceleration: SupportAcceleration
+    acceleration: Any  # SupportAcceleration
     bending: tuple[FloatArray, FloatArray]
-    sums: tuple[FloatArray, ...]  # of the wrench of each chain
+    force: Arrays  # of each chain on the support
+    moment: Arrays
     zeros: FloatArray
+
+
+class Tables(NamedTuple):
+    """The rows of `Rows` that change, as [chain, lane]."""
+
+    velocity: Arrays
+    omega: Arrays
+    at_a: Arrays
+    slope: Arrays
+    roll_acceleration: FloatArray
+    bending: tuple[FloatArray, FloatArray]
+    force: Arrays
+    moment: Arrays
 
 
 class Bodies(NamedTuple):
@@ -137,7 +183,7 @@ class Pack(NamedTuple):
 
     lanes: Lanes
     rows: Rows
-    tables: tuple[FloatArray, ...]  # the rows of `Rows` that change, as [chain, lane]
+    tables: Tables
     bodies: Bodies
     motion: Motion  # [robot] in front
     work: Workspace
@@ -146,13 +192,15 @@ class Pack(NamedTuple):
 
 
 class _BodyStep(NamedTuple):
+    """What `step_body` needs of the constants."""
+
     body: BodyConstants
     time_step: float
 
 
 @kernel
-def _motion_of(motion: Motion, robot: int) -> Motion:
-    a = motion
+def _motion_of(a: Motion, robot: int) -> Motion:
+    """Return the motion of one robot."""
     return Motion(
         a.position[robot], a.orientation[robot], a.twist[robot], a.acceleration[robot], a.joint_angles[robot],
         a.joint_rates[robot], a.gait[robot], a.gait_rates[robot], a.gait_commands[robot], a.cycle_angles[robot],
@@ -161,6 +209,7 @@ def _motion_of(motion: Motion, robot: int) -> Motion:
 
 @kernel
 def _body_of(bodies: Bodies, robot: int) -> BodyConstants:
+    """Return the constants of the body of one robot."""
     a = bodies.values[robot]
     return BodyConstants(
         a[0], (a[1], a[2], a[3]), (a[4], a[5], a[6]), (a[7], a[8], a[9]), (a[10], a[11], a[12]), a[13],
@@ -169,24 +218,33 @@ def _body_of(bodies: Bodies, robot: int) -> BodyConstants:
 
 
 @kernel
-def _put(vector: Vector, rows: tuple[FloatArray, FloatArray, FloatArray], k: int) -> None:
+def _put(vector: Vector, rows: Arrays, k: int) -> None:
+    """Put a vector into number k of three rows."""
     rows[0][k], rows[1][k], rows[2][k] = vector
 
 
 @kernel
-def _rods_of(rods: RodConstants, k: int) -> RodConstants:
+def _put_five(values: FloatArray, rows: tuple[FloatArray, ...], k: int) -> None:
+    rows[0][k], rows[1][k], rows[2][k], rows[3][k], rows[4][k] = values[0], values[1], values[2], values[3], values[4]
+
+
+@kernel
+def _rods_of(rods: Any, k: int) -> RodConstants:
+    """Return the constants of the rods of lane k, which follow gaits."""
     return RodConstants(
         rods.front_radius[k], rods.rear_radius[k], rods.support_length[k], vector_of(rods.motor_position, k),
-        rods.time_constant[k])
+        rods.time_constant[k], False, 1.0, 1.0, 1.0)
 
 
 @kernel
 def _five(values: tuple[FloatArray, ...], k: int) -> tuple[float, ...]:
+    """Return number k of five rows."""
     return values[0][k], values[1][k], values[2][k], values[3][k], values[4][k]
 
 
 @kernel
-def _rod(rod: Rod, k: int) -> Rod:
+def _rod(rod: Any, k: int) -> Rod:
+    """Return the motion of the rod of lane k."""
     return Rod(rod.angle[k], rod.angle_dot[k], rod.angle_ddot[k])
 
 
@@ -205,14 +263,14 @@ def _load_lanes(motion: Motion, bodies: Bodies, lanes: Lanes) -> None:
             _put(seen.velocity_dot, body.velocity_dot, i)
             _put(seen.omega_dot, body.omega_dot, i)
             _put(mirror_polar(current, side), lanes.current, i)
-            for row in range(5):
-                gait.value[row][i] = one.gait[side, row]
-                gait.rate[row][i] = one.gait_rates[side, row]
+            _put_five(one.gait[side], gait.value, i)
+            _put_five(one.gait_rates[side], gait.rate, i)
             gait.cycle_angle[i] = one.cycle_angles[side]
 
 
 @kernel
 def _move_rods(lanes: Lanes, elapsed: float) -> None:
+    """Find the motion of the rods, `elapsed` [s] after the gaits were as they are."""
     gait, front, rear = lanes.gait, lanes.front, lanes.rear
     for i in range(LANES):
         one = Gait(_five(gait.value, i), _five(gait.rate, i), _five(gait.command, i), gait.cycle_angle[i])
@@ -230,8 +288,9 @@ def _move_supports(lanes: Lanes) -> None:
             vector_of(body.velocity, i), vector_of(body.omega, i), vector_of(body.velocity_dot, i),
             vector_of(body.omega_dot, i))
         support = support_motion(_rods_of(lanes.rods, i), _rod(lanes.front, i), _rod(lanes.rear, i), seen)
-        for axis in range(3):
-            _put(support.rotation[axis], out.rotation[axis], i)
+        _put(support.rotation[0], out.rotation[0], i)
+        _put(support.rotation[1], out.rotation[1], i)
+        _put(support.rotation[2], out.rotation[2], i)
         _put(support.position, out.position, i)
         current = rotate_back(support.rotation, vector_of(lanes.current, i))
         v = support.velocity
@@ -245,21 +304,28 @@ def _move_supports(lanes: Lanes) -> None:
 
 
 @kernel
-def _share(lanes: Lanes, tables: tuple[FloatArray, ...]) -> None:
+def _share(lanes: Lanes, tables: Tables) -> None:
     """Copy what a fin has to its chains."""
-    support, acceleration, bending = lanes.support, lanes.acceleration, lanes.bending
-    for axis in range(3):
-        _repeat(support.velocity[axis], tables[axis])
-        _repeat(support.omega[axis], tables[3 + axis])
-        _repeat(acceleration.at_a[axis], tables[6 + axis])
-        _repeat(acceleration.slope[axis], tables[9 + axis])
-    _repeat(support.omega_dot[0], tables[12])
-    _repeat(bending[0], tables[13])
-    _repeat(bending[1], tables[14])
+    support, acceleration = lanes.support, lanes.acceleration
+    _repeat_vector(support.velocity, tables.velocity)
+    _repeat_vector(support.omega, tables.omega)
+    _repeat_vector(acceleration.at_a, tables.at_a)
+    _repeat_vector(acceleration.slope, tables.slope)
+    _repeat(support.omega_dot[0], tables.roll_acceleration)
+    _repeat(lanes.bending[0], tables.bending[0])
+    _repeat(lanes.bending[1], tables.bending[1])
+
+
+@kernel
+def _repeat_vector(lanes: Arrays, tables: Arrays) -> None:
+    _repeat(lanes[0], tables[0])  # a loop would have to look into the tuples at run time
+    _repeat(lanes[1], tables[1])
+    _repeat(lanes[2], tables[2])
 
 
 @kernel
 def _repeat(lane: FloatArray, table: FloatArray) -> None:
+    """Copy the lanes to each chain."""
     for chain in range(table.shape[0]):
         for i in range(LANES):
             table[chain, i] = lane[i]
@@ -270,7 +336,7 @@ def _find_wrenches(rows: Rows, links: Links, chains: Chains) -> None:
     """Find the wrench of each chain on the support, as `support_wrench`."""
     fin = rows.fin
     count, row = links.c.shape
-    fx, fy, fz, mx, my, mz = rows.sums
+    (fx, fy, fz), (mx, my, mz) = rows.force, rows.moment
     for k in range(row):
         root_fy, root_fz = root_force(fin, rows.acceleration, chains, k)
         fx[k], fy[k], fz[k], mx[k] = 0.0, -root_fy, -root_fz, -links.torque[0, k]
@@ -285,22 +351,27 @@ def _find_wrenches(rows: Rows, links: Links, chains: Chains) -> None:
 
 
 @kernel
-def _sum_chains(fin: FinConstants, tables: tuple[FloatArray, ...], wrench: Wrench) -> None:
-    """Sum what `_wrenches` found over the chains of each fin."""
-    for axis in range(3):
-        _sum(fin, tables[15 + axis], wrench.force[axis])
-        _sum(fin, tables[18 + axis], wrench.moment[axis])
+def _sum_chains(spacing: FloatArray, tables: Tables, wrench: Any) -> None:
+    """Sum what `_find_wrenches` found over the chains of each fin."""
+    force, moment = tables.force, tables.moment
+    _sum(spacing, force[0], wrench.force[0])
+    _sum(spacing, force[1], wrench.force[1])
+    _sum(spacing, force[2], wrench.force[2])
+    _sum(spacing, moment[0], wrench.moment[0])
+    _sum(spacing, moment[1], wrench.moment[1])
+    _sum(spacing, moment[2], wrench.moment[2])
 
 
 @kernel
-def _sum(fin: FinConstants, table: FloatArray, lane: FloatArray) -> None:
+def _sum(spacing: FloatArray, table: FloatArray, lane: FloatArray) -> None:
+    """Fill the lanes with the sums over the chains, times their spacing."""
     for i in range(LANES):
         lane[i] = 0.0
     for chain in range(table.shape[0]):
         for i in range(LANES):
             lane[i] += table[chain, i]
     for i in range(LANES):
-        lane[i] *= fin.chain_spacing[i]
+        lane[i] *= spacing[i]
 
 
 @kernel
@@ -319,7 +390,18 @@ def _store_lanes(lanes: Lanes, motion: Motion, time_step: float) -> None:
                 Wrench(vector_of(lanes.wrench.force, i), vector_of(lanes.wrench.moment, i)))
             store_wrench(wrench, side, one.fin_wrenches)
             one.rod_angles[side, 0], one.rod_angles[side, 1] = lanes.front.angle[i], lanes.rear.angle[i]
-            one.cycle_angles[side] = advance_gait(gait_of(one, side), lanes.rods.time_constant[i], time_step)
+            one.cycle_angles[side] = advance_gait(_rods_of(lanes.rods, i), gait_of(one, side), time_step)
+
+
+@kernel
+def _step_body_of(pack: Pack, robot: int) -> bool:
+    """Take the step of the body of one robot; return whether it is not too fast."""
+    motion, none = _motion_of(pack.motion, robot), (0.0, 0.0, 0.0)
+    inputs = Inputs(vector_at(pack.bodies.current[robot], 0), Wrench(none, none), Wrench(none, none))
+    rotation = rotation_of(motion.orientation)
+    current = rotate_back(rotation, inputs.current)
+    return step_body(
+        _BodyStep(_body_of(pack.bodies, robot), pack.time_step), inputs, rotation, current, deep(), motion)
 
 
 @entry_kernel
@@ -352,31 +434,16 @@ def advance(pack: Pack, steps: int) -> int:
         if diverged >= 0:
             return diverged % ROBOTS
         _find_wrenches(rows, links, chains)
-        _sum_chains(fin, pack.tables, lanes.wrench)
+        _sum_chains(fin.chain_spacing, pack.tables, lanes.wrench)
         _store_lanes(lanes, motion, time_step)
         if not pack.fixed_base:
             for robot in range(ROBOTS):
-                one = _motion_of(motion, robot)
-                rotation = rotation_of(one.orientation)
-                current_in_world = vector_at(bodies.current[robot], 0)
-                none = (0.0, 0.0, 0.0)
-                inputs = Inputs(current_in_world, Wrench(none, none), Wrench(none, none))
-                if not step_body(
-                        _BodyStep(_body_of(bodies, robot), time_step), inputs, rotation,
-                        rotate_back(rotation, current_in_world), deep(), one):
+                if not _step_body_of(pack, robot):
                     return robot
     for robot in range(ROBOTS):
         one = _motion_of(motion, robot)
         store_rods(_rods_of(lanes.rods, robot), one)
     return -1
-
-
-def _flat(value: Any) -> list[float]:
-    return [value] if not isinstance(value, tuple) else [number for part in value for number in _flat(part)]
-
-
-def _array_tuple(count: int, length: int) -> tuple[FloatArray, ...]:
-    return tuple(aligned_zeros((count, length)))
 
 
 def pack_of(robots: list[tuple[Constants, FloatArray, Motion]]) -> Pack:
@@ -387,62 +454,84 @@ def pack_of(robots: list[tuple[Constants, FloatArray, Motion]]) -> Pack:
     constants, currents, motions = zip(*robots, *[robots[-1]] * (ROBOTS - len(robots)), strict=True)
     motion = Motion(*(np.stack(field) for field in zip(*motions, strict=True)))
     _, _, chains, links = motion.joint_angles.shape
-    row = chains * LANES
-    both = [*constants, *constants]  # by lane
-
-    def rows_of(values: list[Any]) -> FloatArray:
-        out = aligned_zeros((row,))
-        out[:] = np.tile(np.array(values, dtype=float), chains)
-        return out
-
-    fins = [each.fin for each in both]
-    station = aligned_zeros((row,))
-    station.reshape(chains, LANES)[:] = np.stack([each.station[:chains] for each in fins], axis=1)
-    fin_rows = FinConstants(chains, station, *(
-        rows_of([getattr(each, name) for each in fins]) for name in FinConstants._fields[2:]))
-    def lane(values: list[Any]) -> FloatArray:
-        out = aligned_zeros((LANES,))
-        out[:] = values
-        return out
-
-    rods = [each.rods for each in both]
-    rod_lanes = RodConstants(*(lane([getattr(each, name) for each in rods]) for name in RodConstants._fields[:3]), tuple(
-        lane([each.motor_position[axis] for each in rods]) for axis in range(3)), lane([each.time_constant for each in rods]))
-    three, five = lambda: _array_tuple(3, LANES), lambda: _array_tuple(5, LANES)
-    commands = five()
-    for number in range(5):
-        commands[number][:] = np.concatenate((motion.gait_commands[:, 0, number], motion.gait_commands[:, 1, number]))
-    lanes = Lanes(
-        rods=rod_lanes, gait=Gait(five(), five(), commands, aligned_zeros((LANES,))),
-        body=BodyMotion(three(), three(), three(), three()), current=three(), front=Rod(*three()), rear=Rod(*three()),
-        support=SupportMotion((three(), three(), three()), three(), three(), three(), three(), three()),
-        acceleration=SupportAcceleration(three(), three()), bending=_array_tuple(2, LANES),
-        wrench=Wrench(three(), three()))
-    wide = lambda: _array_tuple(3, row)
+    fins = [each.fin for each in constants]
+    values = [_by_lane([getattr(fin, name) for fin in fins]) for name in FinConstants._fields[2:]]
+    station = np.stack([each.fin.station[:chains] for each in (*constants, *constants)], axis=1).ravel()
+    fin: Any = FinConstants
     rows = Rows(
-        fin=fin_rows, velocity=wide(), omega=wide(), roll_acceleration=aligned_zeros((row,)),
-        acceleration=SupportAcceleration(wide(), wide()), bending=_array_tuple(2, row), sums=_array_tuple(6, row),
-        zeros=aligned_zeros((row,)))
+        fin(chains, station, *(np.tile(value, chains) for value in values)),
+        velocity=_vectors(chains), omega=_vectors(chains), roll_acceleration=_arrays(1, chains)[0],
+        acceleration=SupportAcceleration(_vectors(chains), _vectors(chains)), bending=_arrays(2, chains),
+        force=_vectors(chains), moment=_vectors(chains), zeros=_arrays(1, chains)[0])
     bodies = Bodies(
-        values=np.array([
-            [number for name, value in each.body._asdict().items() if name not in ('moves_water', 'unsupported_weight')
-             for number in _flat(value)] for each in constants]),
-        moves_water=any(each.body.moves_water for each in constants),
+        values=np.array([_flat(each.body) for each in constants]),
+        moves_water=constants[0].body.moves_water,
         current=np.stack(currents),
         highest=np.array([each.surface_height - each.reach for each in constants]))
-    work = packed_workspace(row, links)
-    for joints, name in ((motion.joint_angles, 'q'), (motion.joint_rates, 'q_dot')):
-        rows_of_links = getattr(links_of.py_func(work, 0), name)
-        rows_of_links.reshape(links, chains, 2, ROBOTS)[:] = joints.transpose(3, 2, 1, 0)
-    changing = (
-        *rows.velocity, *rows.omega, *rows.acceleration.at_a, *rows.acceleration.slope, rows.roll_acceleration,
-        *rows.bending, *rows.sums)
-    return Pack(lanes, rows, tuple(each.reshape(chains, LANES) for each in changing), bodies, motion, work, constants[0].time_step, constants[0].fixed_base)
+    pack = Pack(
+        _lanes([each.rods for each in constants], motion.gait_commands), rows, _tables(rows, chains), bodies, motion,
+        packed_workspace(chains * LANES, links), constants[0].time_step, constants[0].fixed_base)
+    for table, joints in _joints(pack):
+        table[:] = joints.transpose(3, 2, 1, 0)
+    return pack
 
 
 def motions_of(pack: Pack) -> list[Motion]:
     """Return the motion of each robot, in new arrays."""
-    links = links_of.py_func(pack.work, 0)
-    for rows, joints in ((links.q, pack.motion.joint_angles), (links.q_dot, pack.motion.joint_rates)):
-        joints[:] = rows.reshape(len(rows), -1, 2, ROBOTS).transpose(3, 2, 1, 0)
+    for table, joints in _joints(pack):
+        joints[:] = table.transpose(3, 2, 1, 0)
     return [Motion(*(field[robot].copy() for field in pack.motion)) for robot in range(ROBOTS)]
+
+
+def _joints(pack: Pack) -> list[tuple[FloatArray, FloatArray]]:
+    """Return angles and rates of the joints as [link, chain, side, robot] and as [robot, side, chain, link]."""
+    links, motion = links_of.py_func(pack.work, 0), pack.motion
+    return [(rows.reshape(len(rows), -1, 2, ROBOTS), joints) for rows, joints in (
+        (links.q, motion.joint_angles), (links.q_dot, motion.joint_rates))]
+
+
+def _lanes(rods: list[RodConstants], commands: FloatArray) -> Lanes:
+    """Return the lanes of robots with these rods and commands (robots, 2, 5); the rest is zero."""
+    radii = (_by_lane([getattr(each, name) for each in rods]) for name in RodConstants._fields[:3])
+    motors = tuple(_by_lane([each.motor_position[axis] for each in rods]) for axis in range(3))
+    support = SupportMotion((_vectors(), _vectors(), _vectors()), *(_vectors() for _ in range(5)))
+    constants: Any = RodConstants
+    gait: Any = Gait
+    return Lanes(
+        rods=constants(*radii, motors, _by_lane([each.time_constant for each in rods]), False, 1.0, 1.0, 1.0),
+        gait=gait(_arrays(5), _arrays(5), tuple(commands.transpose(2, 1, 0).reshape(5, LANES).copy()), _arrays(1)[0]),
+        body=BodyMotion(*(_vectors() for _ in range(4))), current=_vectors(), front=Rod(*_vectors()),
+        rear=Rod(*_vectors()), support=support, acceleration=SupportAcceleration(_vectors(), _vectors()),
+        bending=_arrays(2), wrench=Wrench(_vectors(), _vectors()))
+
+
+def _tables(rows: Rows, chains: int) -> Tables:
+    """Return the rows that change as [chain, lane], in the same memory."""
+    def table(row: Any) -> Any:
+        return row.reshape(chains, LANES) if isinstance(row, np.ndarray) else tuple(map(table, row))
+
+    acceleration = rows.acceleration
+    return Tables(*map(table, (
+        rows.velocity, rows.omega, acceleration.at_a, acceleration.slope, rows.roll_acceleration, rows.bending,
+        rows.force, rows.moment)))
+
+
+def _flat(body: BodyConstants) -> list[float]:
+    """Return the values of a body as `_body_of` takes them."""
+    values = [value for name, value in body._asdict().items() if name not in ('moves_water', 'unsupported_weight')]
+    return [number for value in values for number in (value if isinstance(value, tuple) else (value,))]
+
+
+def _by_lane(values: list[float]) -> FloatArray:
+    """Return a value of each robot as one of each lane."""
+    return np.array([*values, *values], dtype=float)
+
+
+def _arrays(count: int, chains: int = 1) -> Any:
+    """Return a tuple of rows of so many chains, all zero."""
+    return tuple(aligned_zeros((count, chains * LANES)))
+
+
+def _vectors(chains: int = 1) -> Any:
+    """Return rows for the components of vectors, all zero."""
+    return _arrays(3, chains)
