@@ -120,7 +120,8 @@ def test_rods_that_are_not_named_keep_their_angle():
     ('left_front_rod', 1.6, r'left front rod is commanded to 1\.6 rad'), ('tail', 0.0, "name 0 is 'tail'")])
 def test_a_live_node_refuses_with_a_warning_and_the_rods_stay(robot, name, position, words):
     command(robot, left_front_rod=0.2, left_rear_rod=0.2)
-    wrong, line = JointState(name=[name], position=[position]), 'rod_command refused, the rods stay as they were commanded'
+    wrong = JointState(name=[name], position=[position])
+    line = 'rod_command refused, the rods stay as they were commanded'
     robot.probe.until(lambda: re.search(f'{line}.*{words}', robot.node.output), line,
                       doing=lambda: robot.rods.publish(wrong), every=0.3)
     assert robot.set_parameter('step_duration', 2.0).successful
