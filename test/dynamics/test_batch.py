@@ -7,6 +7,7 @@ import threading
 import time
 import warnings
 
+import numba
 import numpy as np
 import pytest
 
@@ -22,6 +23,7 @@ from manta_sim_ros.dynamics import (
     State,
     simulate_batch,
 )
+from manta_sim_ros.dynamics._kernels.compilation import KERNEL_OPTIONS, kernel
 
 ROUNDING = 1e-12
 """Largest difference of a robot in a batch and alone, relative to the largest entry of a field: interface.md."""
@@ -242,3 +244,16 @@ def test_robots_of_one_kind_are_simulated_together(monkeypatch):
     monkeypatch.setattr(Simulator, 'advance', None)
     states = [State.at_rest(SMALL)] * 13
     assert all(state.time == 0.1 for state in simulate_batch(SMALL, states, [(SWIM, SWIM)] * 13, 0.1))
+
+
+def test_a_kernel_keeps_its_bits_when_it_is_first_compiled_for_a_batch():
+    @kernel
+    def fused(a, b, c):
+        return a * b + c
+
+    @numba.njit(**{**KERNEL_OPTIONS, 'fastmath': {'contract'}})
+    def caller(a, b, c):
+        return fused(a, b, c)
+
+    a = 1.0 + 2.0**-30
+    assert caller(a, a, -(a * a)) == 0.0  # 2^-60 if product and sum were contracted

@@ -36,6 +36,7 @@ KERNEL_OPTIONS: dict[str, Any] = {
     'error_model': 'numpy',
     'pipeline_class': _DistinctArrays,
     '_nrt': False,  # a kernel allocates nothing, else it does not compile: no references of arrays are counted
+    'fastmath': False,  # a kernel that is not told would take it from the kernel that it is first compiled for
     'forceinline': True,  # a tuple of arrays is handed on as hundreds of values, if there is a call at all
 }
 

@@ -109,7 +109,7 @@ def _compiled_again(*modules: ModuleType, **others: Any) -> SimpleNamespace:
             if isinstance(value, CPUDispatcher) and value.__module__ == module.__name__ and name not in others:
                 function = value.py_func
                 again = FunctionType(function.__code__, {**function.__globals__, **made}, name)
-                made[name] = numba.njit(**KERNEL_OPTIONS, fastmath={'contract'})(again)
+                made[name] = numba.njit(**{**KERNEL_OPTIONS, 'fastmath': {'contract'}})(again)
     return SimpleNamespace(**made)
 
 
