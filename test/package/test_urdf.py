@@ -15,6 +15,9 @@ from evidence.references.mechanism import OUTWARD
 from evidence.scenarios import SWIM, TURN
 from manta_sim_ros.dynamics import FinCommand, Parameters, Simulator, fin_surfaces, support_angles
 from manta_sim_ros.dynamics._kernels.layout import stations
+from manta_sim_ros.dynamics.command import LARGEST_ROD_ANGLE
+from manta_sim_ros.nodes.interface import TOPICS
+from manta_sim_ros.nodes.messages import ROD_NAMES
 
 ROOT = Path(__file__).parents[2]
 XACRO = ROOT / 'urdf' / 'manta.urdf.xacro'
@@ -160,3 +163,24 @@ def test_the_default_config_is_found_from_any_working_directory_and_where_it_is_
     monkeypatch.chdir('/')
     assert model_of(urdf(tmp_path / 'urdf' / XACRO.name)).inertias[1].mass == 21.0
     assert model_of(urdf()).inertias[1].mass == 20.0
+
+
+def test_the_rods_are_a_system_of_ros2_control_that_the_node_and_the_controllers_know():
+    folder = ROOT / 'config' / 'ros2_control'
+    robot = ElementTree.fromstring(urdf(folder / 'manta.urdf.xacro', commands_topic='/a/rod_command'))
+    (system,) = robot.iter('ros2_control')
+    parameters = {parameter.get('name'): parameter.text for parameter in system.find('hardware').iter('param')}
+    assert parameters['joint_commands_topic'] == '/a/rod_command'
+    assert parameters['joint_states_topic'] == '/joint_states'
+    assert {'rod_command', 'joint_states'} <= set(TOPICS)
+    controlled = system.findall('joint')
+    assert [joint.get('name') for joint in controlled] == RODS == ROD_NAMES
+    joints = {joint.get('name') for joint in robot.findall('joint')}
+    assert joints >= set(RODS)  # the ones of the robot, which the system moves
+    for joint in controlled:
+        bounds = [float(bound.text) for bound in joint.find('command_interface').iter('param')]
+        assert bounds == pytest.approx([-LARGEST_ROD_ANGLE, LARGEST_ROD_ANGLE])
+    controllers = yaml.safe_load((folder / 'controllers.yaml').read_text(encoding='utf-8'))
+    for name in ('rod_positions', 'rod_trajectory'):
+        assert name in controllers['controller_manager']['ros__parameters']
+        assert controllers[name]['ros__parameters']['joints'] == RODS
