@@ -165,11 +165,11 @@ class Rods(ParameterGroup):
     servo_time_constant: float = quantity(
         0.05, unit='s', low=1e-3, high=60.0,
         description='time constant of the servos that turn the rods to commanded angles, critically damped',
-        source='chosen',
+        source='none in the paper',
     )
     servo_rate_limit: float = quantity(
         6.0, unit='rad/s', low=1e-2, high=100.0,
-        description='largest rate at which these servos turn the rods', source='chosen',
+        description='largest rate at which these servos turn the rods', source='none in the paper',
     )
 
     def __post_init__(self) -> None:

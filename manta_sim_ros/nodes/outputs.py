@@ -101,7 +101,6 @@ class Outputs:
         subscribers have received them. If that takes longer than `PATIENCE` once, it does not wait any more. It does
         not wait for a queue that is not full: Fast DDS asks for receipts when it is full, but otherwise only every 3 s.
         """
-        self.count_subscribers()
         for each in list(self._queued):
             if each.wait_for_all_acked(Duration()):
                 del self._queued[each]
@@ -138,8 +137,8 @@ class Outputs:
             self._send(self._clock, message)
             self._clock_due = time.monotonic() + CLOCK_PERIOD
 
-    def count_subscribers(self) -> None:
-        """Count the subscribers that will have got the next state, or an earlier one, when time stands still."""
+    def _count_subscribers(self) -> None:
+        """Count the subscribers that will get the next state: all but those that come later."""
         for each in self._publishers:
             self._subscribers[each] = each.get_subscription_count()
 
@@ -161,6 +160,7 @@ class Outputs:
 
     def publish(self, state: State) -> None:
         """Publish all outputs of a state that are due, then the clock."""
+        self._count_subscribers()
         stamp, own = self.stamp(state), self._settings().node
         self._update_templates()
         for to, template in self._every_time:

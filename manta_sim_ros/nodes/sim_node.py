@@ -141,7 +141,7 @@ class SimNode(ParameterNode):
     def _stand_still(self) -> None:
         """Let whoever comes late know time and state."""
         if self._outputs.lacks(self._robot.state):  # the clock that is followed stopped between two outputs
-            self._outputs.publish_all([self._robot.state])
+            self._outputs.publish(self._robot.state)
         self._outputs.publish_to_latecomers()
         self._outputs.repeat_clock()
 
@@ -205,8 +205,6 @@ class SimNode(ParameterNode):
         if now < self._report_due:
             return
         self._report_due = now + REPORT_PERIOD
-        if not (self._time.paused or self._leader.stands_still):
-            self._outputs.count_subscribers()  # whoever comes after it gets the state again when time stands still
         health = self._health()
         if not math.isnan(health.reached_factor):
             self._begin_pace_window()

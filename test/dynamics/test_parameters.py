@@ -23,7 +23,7 @@ DEFAULTS = {  # Table 1 of the paper, and what the model supplies where the pape
         'quadratic_damping': 6 * (0.0,), 'net_buoyancy': 0.0},
     'rods': {
         'front_radius': 0.235, 'rear_radius': 0.185, 'support_length': 0.315, 'rear_motor_position': (-0.16, 0.3, 0.0),
-        'command_time_constant': 0.2},
+        'command_time_constant': 0.2, 'servo_time_constant': 0.05, 'servo_rate_limit': 6.0},
     'fin': {
         'chains': 30, 'links': 3, 'span': 0.30, 'thickness': 0.012, 'youngs_modulus': 1e8, 'joint_damping': 0.1,
         'drag_coefficient': 1.2, 'density': 1000.0, 'shear_modulus': 0.0, 'twist_damping': 0.0},

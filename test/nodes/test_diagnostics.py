@@ -254,6 +254,7 @@ def test_outputs_that_are_rarer_than_diagnostics_are_not_taken_for_a_slow_machin
     node = launch('sim_node', '-p publish_rate:=0.4 -r __ns:=/rare -r /clock:=/rare/clock '
                               '-r /diagnostics:=/rare/diagnostics')
     node.heard = probe.record(DiagnosticArray, '/rare/diagnostics')
+    probe.until(lambda: node.heard, 'diagnostics')
     until_said(node, probe, 'pace', 'times real time')
     assert len(node.heard) > 2
     assert not any('at 0 times' in by_matter(message.status)['pace'].message for message in node.heard)
