@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 import os
-import re
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
@@ -92,25 +91,3 @@ def resident(pid: int) -> float:
     """Return the resident memory of a process [MiB]."""
     pages = int(Path(f'/proc/{pid}/statm').read_text(encoding='ascii').split()[1])
     return pages * os.sysconf('SC_PAGE_SIZE') / 2**20
-
-
-def shared_files() -> set[str]:
-    """Return the present files of shared memory."""
-    return {str(path) for path in Path('/dev/shm').iterdir()}
-
-
-def mapped_files(pid: int) -> set[str]:
-    """Return the files of shared memory that a process has mapped, its own and those of others."""
-    return set(re.findall(r' (/dev/shm/\S+)$', Path(f'/proc/{pid}/maps').read_text(encoding='utf-8'), re.MULTILINE))
-
-
-def abandoned(files: set[str]) -> set[str]:
-    """Return those of these files that are still there, though no process has mapped them.
-
-    Fast DDS has files that all its processes on a machine share; they go with the last one.
-    """
-    held: set[str] = set()
-    for path in Path('/proc').glob('[0-9]*'):
-        with contextlib.suppress(OSError):  # it has ended, or belongs to another user
-            held |= mapped_files(int(path.name))
-    return files & shared_files() - held

@@ -23,6 +23,7 @@ from std_srvs.srv import SetBool, Trigger
 from evidence.soak.facts import Fact, Lengths, at_least, at_most, equal, nodes, printed, resident
 from manta_sim_ros.dynamics import FinCommand
 from manta_sim_ros.nodes.interface import TOPICS
+from manta_sim_ros.nodes.messages import ROD_NAMES
 from manta_sim_ros.nodes.qos import message_class
 from manta_sim_ros.nodes.settings import Settings
 
@@ -36,12 +37,16 @@ quaternions must have the norm 1, and a message that must be refused must be cou
 all the time. The same seed gives the same inputs (`--seed`)."""
 NOT_SURVIVED = """
 Nothing was found that ends the node. Values that are valid but extreme can make it useless, and the fuzzer avoids
-them: during a `~/step` of an hour of simulated time the node answers nothing else for up to 50 s, except signals."""
+them: with a `publish_rate` times `real_time_factor` far below one, outputs are rare, and during a long `~/step`, of
+at most 50 s of elapsed time, the node answers nothing else, except signals."""
 
 DEPTH = 1000  # of the queues of the node's subscriptions: no input is lost
 BATCH = 8  # messages on each topic between two checks
 NORM_TOLERANCE = 1e-9  # measured: 4e-16
-HOSTILE = (math.nan, math.inf, -math.inf, 1e308, -1e308)
+OTHER = ('parameters', 'service calls')  # whose refusals are not counted here
+NOT_FINITE = (math.nan, math.inf, -math.inf)
+HOSTILE = (*NOT_FINITE, 1e308, -1e308)
+IN_FRAME = ('set_pose', 'current', 'body_wrench')
 SLOW = {  # bounds of valid values, so that outputs come all the time and the fuzzer does not wait for long
     'publish_rate': (10.0, 500.0), 'real_time_factor': (0.2, 2.0), 'step_duration': (0.002, 0.2)}
 
@@ -53,7 +58,10 @@ def valid(topic: str, random: random.Random) -> Any:
         gaits = [[random.uniform(0.3 * about.low, 0.3 * about.high) for about in FinCommand.quantities().values()]
                  for _ in range(2)]
         message.data = [value for pair in zip(*gaits, strict=True) for value in pair][:random.choice((6, 10))]
-    if topic in ('set_pose', 'current', 'body_wrench'):
+    if topic == 'rod_command':
+        message.name = random.sample(ROD_NAMES, random.randint(1, 4))
+        message.position = [random.uniform(-0.3, 0.3) for _ in message.name]
+    if topic in IN_FRAME:
         message.header.frame_id = 'odom'
     if topic == 'set_pose':
         yaw = random.uniform(-4.0, 4.0)
@@ -79,7 +87,7 @@ def leaves(message: Any, path: str = '') -> list[tuple[Any, str, str]]:
     return found
 
 
-def broken(message: Any, random: random.Random) -> tuple[Any, bool]:
+def broken(topic: str, message: Any, random: random.Random) -> tuple[Any, bool]:
     """Return the message with one field broken, and whether it must be refused."""
     message = copy.deepcopy(message)
     owner, name, path = random.choice(leaves(message))
@@ -89,10 +97,13 @@ def broken(message: Any, random: random.Random) -> tuple[Any, bool]:
         return message, True
     if isinstance(value, str):
         setattr(owner, name, random.choice(('', 'map', 'x' * 10_000, '\u202e\n\0'[:2])))
-        return message, path == 'header.frame_id'
-    if path == 'data':
+        return message, path == 'header.frame_id' and topic in IN_FRAME
+    if path in ('data', 'position'):
         wrong = random.choice(([], [0.0] * 7, [0.0] * 5000, None))
-        owner.data = [*value[:3], random.choice(HOSTILE), *value[4:]] if wrong is None else wrong
+        setattr(owner, name, [*value[:-1], random.choice(NOT_FINITE)] if wrong is None else wrong)
+        return message, True
+    if path == 'name':
+        owner.name = random.choice(([], ['x' * 10_000] * len(value), [*value, value[0]]))
         return message, True
     if isinstance(value, int):
         setattr(owner, name, random.choice((0, 2**31 - 1)))
@@ -182,7 +193,7 @@ class Target:
             for _ in range(count):
                 message, how = valid(topic, random), random.random()
                 if how < 0.5:
-                    message, refused = broken(message, random)
+                    message, refused = broken(topic, message, random)
                     self.hostile += refused
                 elif how < 0.55:
                     message = serialize_message(message)[:random.randint(4, 40)]
@@ -210,7 +221,7 @@ class Target:
         if isinstance(message, DiagnosticArray):
             self.diagnostics += 1
             self.refused = sum(int(value.value) for status in message.status for value in status.values
-                               if value.key.endswith('refused'))
+                               if value.key.endswith('refused') and not value.key.startswith(OTHER))
         elif isinstance(message, PoseStamped):
             turn = message.pose.orientation
             error = abs(math.hypot(turn.x, turn.y, turn.z, turn.w) - 1.0)

@@ -4,6 +4,7 @@ import random
 import types
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 pytest.importorskip('hypothesis')
@@ -19,6 +20,7 @@ from manta_sim_ros.nodes.interface import TOPICS  # noqa: E402
 PAGE = (Path(__file__).parents[2] / 'docs' / 'reliability.md').read_text(encoding='utf-8')
 TAKEN = {
     'fin_command': lambda message: messages.fin_commands(message.data),
+    'rod_command': lambda message: messages.rod_command(message, np.zeros((2, 2))),
     'set_pose': lambda message: messages.pose_of(message, 'odom'),
     'current': lambda message: messages.current_of(message, 'odom'),
     'body_wrench': lambda message: messages.wrench_of(message, 'base_link', 'odom')}
@@ -73,7 +75,7 @@ def test_the_fuzzer_knows_which_of_its_messages_must_be_refused(topic):
     chance, hostile, take = random.Random(1), 0, TAKEN.get(topic)
     for _ in range(300):
         message = fuzz.valid(topic, chance)
-        worse, refused = fuzz.broken(message, chance)
+        worse, refused = fuzz.broken(topic, message, chance)
         hostile += refused
         if take is not None:
             take(message)
