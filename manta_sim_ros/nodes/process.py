@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import gc
 import os
 import sys
 import threading
@@ -85,6 +86,8 @@ def run_node(
         if not interrupted:  # else it is a consequence of the shutdown
             raise
     finally:
+        if interrupted and node is None:
+            gc.collect()  # ends a node that was made in part: else it leaves shared memory
         left.set()
         destroy()
         if interrupted:
