@@ -16,7 +16,7 @@ from rclpy.node import Node
 from sensor_msgs.msg import JointState
 
 RODS = ['left_front_rod', 'left_rear_rod', 'right_front_rod', 'right_rear_rod']
-PERIOD, COUPLING = 0.02, 4.0  # s, 1/s
+PERIOD, LONGEST, COUPLING = 0.02, 0.05, 4.0  # s, s, 1/s
 
 
 class PatternGenerator(Node):
@@ -27,17 +27,21 @@ class PatternGenerator(Node):
         for name, value in (('amplitude', 0.6), ('frequency', 0.6), ('lead', 0.7)):
             self.declare_parameter(name, value)
         self.phases, self.amplitude = [0.0, 1.0, 2.0, 3.0], 0.0  # they find together from any phases
+        self.before = None
         self.rods = self.create_publisher(JointState, 'rod_command', 1)
         self.create_timer(PERIOD, self.step)
 
     def step(self):
         amplitude, frequency, lead = (self.get_parameter(name).value for name in ('amplitude', 'frequency', 'lead'))
+        now = 1e-9 * self.get_clock().now().nanoseconds
+        period = 0.0 if self.before is None else min(max(0.0, now - self.before), LONGEST)  # callbacks may be late
+        self.before = now
         ahead = [lead, 0.0, lead, 0.0]
         aligned = [phase - more for phase, more in zip(self.phases, ahead, strict=True)]
         pulls = [sum(math.sin(other - own) for other in aligned) for own in aligned]
-        self.phases = [phase + PERIOD * (2.0 * math.pi * frequency + COUPLING * pull)
+        self.phases = [phase + period * (2.0 * math.pi * frequency + COUPLING * pull)
                        for phase, pull in zip(self.phases, pulls, strict=True)]
-        self.amplitude += PERIOD * COUPLING * (amplitude - self.amplitude)
+        self.amplitude += period * COUPLING * (amplitude - self.amplitude)
         self.rods.publish(JointState(name=RODS, position=[self.amplitude * math.sin(phase) for phase in self.phases]))
 
 

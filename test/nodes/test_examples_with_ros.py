@@ -65,7 +65,7 @@ def test_turn_with_feedback_turns_to_the_heading_and_holds_it(launch, probe, con
 
 
 def test_the_pattern_generator_swims_with_front_rods_that_lead(launch, probe):
-    launch('sim_node', f'--params-file {CONFIG / "freshwater.yaml"} -p real_time_factor:=4.0')
+    launch('sim_node', f'--params-file {CONFIG / "freshwater.yaml"}')
     odometry, joints = probe.record(Odometry, 'odom'), probe.record(JointState, 'joint_states')
     generator = subprocess.Popen(
         [sys.executable, EXAMPLES / 'pattern_generator.py', '--ros-args', '-p', 'use_sim_time:=true'],
@@ -78,8 +78,7 @@ def test_the_pattern_generator_swims_with_front_rods_that_lead(launch, probe):
         _, errors = generator.communicate(timeout=LIMIT)
     assert generator.returncode == 0, errors
     assert abs(odometry[-1].pose.pose.position.y) < 0.3
-    swimming = [message.position for message in joints[-300:]]
-    rear = [position[1] for position in swimming]
+    front, rear = ([message.position[rod] for message in joints] for rod in (0, 1))
     assert 0.5 < max(rear) < 0.65
-    crossing = next(i for i in range(1, 300) if rear[i - 1] < 0.0 <= rear[i])
-    assert swimming[crossing][0] > 0.2  # the front rod is up when the rear rod passes the middle on its way up
+    crossing = next(i for i in reversed(range(1, len(rear))) if rear[i - 1] < 0.0 <= rear[i])
+    assert front[crossing] > 0.2  # the front rod is up when the rear rod passes the middle on its way up
