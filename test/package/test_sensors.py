@@ -152,7 +152,7 @@ def test_threads_that_draw_noise_at_the_same_time_do_not_disturb_each_other():
         assert list(together) == alone * 4
 
 
-def test_the_orientation_is_that_of_scipy_for_small_and_large_errors():
+def test_the_error_of_the_orientation_is_a_rotation_in_the_body_frame():
     random = np.random.default_rng(1)
     for tick, noise in enumerate([0.0, 1e-5, 1e-4, 1e-3, 0.01, 1.0] * 20):
         imu, attitude = Imu(orientation_noise=noise), Rotation.from_quat(random.normal(size=4))
