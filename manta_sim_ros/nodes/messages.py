@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
+import rclpy.time
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import (
     Point,
@@ -57,7 +58,7 @@ def time_message(seconds: float) -> Time:
 
 def seconds(stamp: Time) -> float:
     """Return a stamp as a time [s]."""
-    return float(stamp.sec + stamp.nanosec / NANOSECONDS)
+    return float(rclpy.time.Time.from_msg(stamp).nanoseconds / NANOSECONDS)
 
 
 def header(stamp: Time, frame: str) -> Header:
