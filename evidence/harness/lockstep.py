@@ -52,6 +52,11 @@ class LockstepRobot:
             Parameter(name, value=value).to_parameter_msg()]).results
         return result
 
+    def now(self):
+        """Return the simulated time that the clock says [ns]; wait for it where it was not heard yet."""
+        self.probe.until(lambda: self.clock, 'the clock')
+        return self.clock.stamps[-1]
+
     def step(self):
         """Step, and wait until the clock of its end was received, and the outputs that came before it."""
         before = len(self.clock)

@@ -75,7 +75,7 @@ def at_factor(robot: LockstepRobot, lengths: Lengths, factor: float) -> list[Fac
     robot.set_parameter('real_time_factor', factor)
     robot.trigger('reset')
     robot.command(GAIT)
-    began = robot.clock.stamps[-1]
+    began = robot.now()
     robot.pause(False)
     end = began + round(lengths.swim * 1e9)
     robot.probe.until(

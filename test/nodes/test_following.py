@@ -60,7 +60,7 @@ def test_in_lockstep_three_robots_are_the_library_bit_for_bit_also_with_a_new_le
     def steps_are_those_of_the_library():
         for follower in followers:
             assert follower.trigger('reset').success
-        wait_for_stamp(probe, leader.clock.stamps[-1], *followers)
+        wait_for_stamp(probe, leader.now(), *followers)
         gaits = [SWIM, TURN]
         for follower, gait in zip(followers, gaits):
             follower.command(gait)

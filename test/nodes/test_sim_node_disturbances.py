@@ -207,7 +207,7 @@ def test_a_current_that_varies_is_that_of_the_library_bit_for_bit(launch, probe)
     assert robot.trigger('reset').success  # at whatever time it is by now
     robot.step()
     robot.step()
-    end = robot.clock.stamps[-1] * 1e-9
+    end = robot.now() * 1e-9
     parameters = Parameters().replace(water=VARYING)
     at_rest = Simulator(parameters).state
     twin = Simulator(parameters, state=dataclasses.replace(at_rest, time=round(end - 0.5, 9)))

@@ -38,7 +38,7 @@ def points(marker):
 def test_markers_have_their_rate_and_are_of_the_state_of_their_stamp(robot):
     assert robot.trigger('reset').success
     robot.command(SWIM)
-    began, heard = robot.clock.stamps[-1], len(robot.markers)
+    began, heard = robot.now(), len(robot.markers)
     end = robot.step()
     robot.probe.until(lambda: stamp_of(robot.markers[-1]) == end // 100_000_000 * 100_000_000, 'markers')
     shown = robot.markers[heard:]

@@ -29,7 +29,7 @@ class Sensed(LockstepRobot):
         assert self.set_parameter('step_duration', 0.2).successful
         assert self.trigger('reset').success
         self.command(SWIM)
-        began = self.clock.stamps[-1]
+        began = self.now()
         twin = Simulator(PARAMETERS)
         twin.command(left=FinCommand(*SWIM[::2]), right=FinCommand(*SWIM[1::2]))
         self.step()
