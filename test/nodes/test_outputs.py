@@ -1,9 +1,9 @@
 """The outputs of a node in this process: what is not done for nobody, what is waited for, and when what is due."""
 
 import dataclasses
-from types import SimpleNamespace
 
 import pytest
+from builtin_interfaces.msg import Time
 from rclpy.publisher import Publisher
 from visualization_msgs.msg import MarkerArray
 
@@ -12,6 +12,7 @@ from manta_sim_ros.nodes.markers import Markers
 from manta_sim_ros.nodes.outputs import PATIENCE, Outputs
 from manta_sim_ros.nodes.parameters import Settings
 from manta_sim_ros.nodes.qos import QUEUE_DEPTH
+from manta_sim_ros.nodes.state_messages import StateMessages
 
 
 @pytest.fixture
@@ -89,19 +90,20 @@ def test_messages_of_an_earlier_step_count_until_they_are_received(outputs, simu
 
 
 @pytest.mark.parametrize('rate', [10.0, 20.0, 30.0, 50.0, 100.0])
-def test_an_output_with_a_rate_of_its_own_is_due_as_often_as_the_rate_says(outputs, rate):
-    due = 0
-    for tick in range(1, 30_001):
-        state = SimpleNamespace(time=tick * 0.01)
-        due += outputs._due(state, rate)
-        outputs._before = state
-    assert due == 300 * rate
+def test_an_output_with_a_rate_of_its_own_is_due_as_often_as_the_rate_says(simulator, rate):
+    settings = Settings().replace([('joint_state_rate', rate), ('marker_rate', rate)])
+    messages = StateMessages(lambda: settings, lambda: (0.0, 0.0, 0.0), lambda: False, None)
+    due, state = 0, simulator.state
+    for tick in range(1, 3_001):
+        state = dataclasses.replace(state, time=tick * 0.01)
+        due += 'joint_states' in dict(messages.of(state, Time()))
+    assert due == 30 * rate
 
 
 def test_the_path_begins_again_wherever_the_robot_is_put_whenever_that_is(outputs, simulator, monkeypatch):
     forgotten = []
     monkeypatch.setattr(Markers, 'forget', lambda markers: forgotten.append(1))
-    monkeypatch.setattr(type(outputs._fin_markers), 'get_subscription_count', lambda publisher: 1)
+    monkeypatch.setattr(Publisher, 'get_subscription_count', lambda publisher: 1)
     for _ in range(13):
         outputs.publish(simulator.advance(0.01))
     assert not forgotten
