@@ -68,26 +68,26 @@ def header(stamp: Time, frame: str) -> Header:
 
 def clock_template() -> Template:
     """Return the template of the clock: its stamp alone."""
-    return Template(Clock(), 'clock', (), lambda state: ())
+    return Template(Clock(), ('clock',), (), lambda state: ())
 
 
 def pose_template(odom_frame: str) -> Template:
     """Return the template of the pose of the body frame in the world frame."""
     return Template(
-        PoseStamped(header=Header(frame_id=odom_frame)), 'header.stamp', ('pose.position', 'pose.orientation'),
+        PoseStamped(header=Header(frame_id=odom_frame)), ('header.stamp',), ('pose.position', 'pose.orientation'),
         lambda state: (state.position, state.orientation))
 
 
 def twist_template(base_frame: str) -> Template:
     """Return the template of the velocity of the body frame's origin relative to the world, in the body frame."""
     return Template(
-        TwistStamped(header=Header(frame_id=base_frame)), 'header.stamp', ('twist',), lambda state: (state.twist,))
+        TwistStamped(header=Header(frame_id=base_frame)), ('header.stamp',), ('twist',), lambda state: (state.twist,))
 
 
 def odometry_template(odom_frame: str, base_frame: str) -> Template:
     """Return the template of pose and twist together. It is the ground truth: all covariances are zero."""
     return Template(
-        Odometry(header=Header(frame_id=odom_frame), child_frame_id=base_frame), 'header.stamp',
+        Odometry(header=Header(frame_id=odom_frame), child_frame_id=base_frame), ('header.stamp',),
         ('pose.pose.position', 'pose.pose.orientation', 'twist.twist'),
         lambda state: (state.position, state.orientation, state.twist))
 
@@ -95,7 +95,7 @@ def odometry_template(odom_frame: str, base_frame: str) -> Template:
 def wrench_template(base_frame: str, wrench_of: Callable[[State], FloatArray]) -> Template:
     """Return the template of a wrench (6,) on the body about the origin of its frame, components in that frame."""
     return Template(
-        WrenchStamped(header=Header(frame_id=base_frame)), 'header.stamp', ('wrench',),
+        WrenchStamped(header=Header(frame_id=base_frame)), ('header.stamp',), ('wrench',),
         lambda state: (wrench_of(state),))
 
 
@@ -103,7 +103,7 @@ def transform_template(message_class: type[Any], odom_frame: str, base_frame: st
     """Return the template of the transform from the world frame to the body frame, in a tf2_msgs/msg/TFMessage."""
     transform = TransformStamped(header=Header(frame_id=odom_frame), child_frame_id=base_frame)
     return Template(
-        message_class(transforms=[transform]), 'transforms.0.header.stamp',
+        message_class(transforms=[transform]), ('transforms.0.header.stamp',),
         ('transforms.0.transform.translation', 'transforms.0.transform.rotation'),
         lambda state: (state.position, state.orientation))
 
@@ -115,7 +115,7 @@ def imu_template(imu: sensors.Imu, parameters: Parameters, base_frame: str) -> T
             header=Header(frame_id=base_frame), orientation_covariance=_covariance(imu.orientation_noise),
             angular_velocity_covariance=_covariance(imu.angular_velocity_noise),
             linear_acceleration_covariance=_covariance(imu.acceleration_noise)),
-        'header.stamp', ('orientation', 'angular_velocity', 'linear_acceleration'),
+        ('header.stamp',), ('orientation', 'angular_velocity', 'linear_acceleration'),
         lambda state: sensors.read_imu(imu, parameters, state))
 
 
@@ -123,7 +123,7 @@ def pressure_template(pressure: sensors.Pressure, parameters: Parameters, base_f
     """Return the template of the absolute pressure [Pa]; the variance [Pa^2] is that of its noise."""
     return Template(
         FluidPressure(header=Header(frame_id=base_frame), variance=pressure.noise * pressure.noise),
-        'header.stamp', ('fluid_pressure',), lambda state: (sensors.read_pressure(pressure, parameters, state),))
+        ('header.stamp',), ('fluid_pressure',), lambda state: (sensors.read_pressure(pressure, parameters, state),))
 
 
 ROD_NAMES = [f'{side}_{rod}_rod' for side in SIDES for rod in ('front', 'rear')]
@@ -165,7 +165,7 @@ def joint_state_template(parameters: Parameters, fins: bool, base_frame: str) ->
 
     return Template(
         JointState(header=Header(frame_id=base_frame), name=names, position=zeros, velocity=zeros, effort=zeros),
-        'header.stamp', ('position', 'velocity', 'effort'), numbers_of)
+        ('header.stamp',), ('position', 'velocity', 'effort'), numbers_of)
 
 
 def rod_power_of(message: JointState) -> float:

@@ -23,6 +23,10 @@ from manta_sim_ros.nodes.state_messages import StateMessages
 PATIENCE = 5.0
 """Longest wait for subscribers that do not take their messages [s]."""
 
+COUNTING_PERIOD = 0.1
+"""Elapsed time after which subscribers are counted again [s]: to count them with every state would take as long as to
+write the messages."""
+
 CLOCK_PERIOD = 1.0
 """Elapsed time after which the clock is published again while simulated time stands still [s]."""
 
@@ -57,6 +61,7 @@ class Outputs:
         self._clock_due = math.inf  # steady time at which the clock is repeated [s]
         self._latest: dict[str, Any] = {}  # the last message
         self._subscribers: Counter[str] = Counter()  # when they were counted
+        self._counting_due = -math.inf  # steady time [s]
 
     @property
     def lacks_transform(self) -> bool:
@@ -129,8 +134,10 @@ class Outputs:
 
     def publish(self, state: State) -> None:
         """Publish all outputs of a state that are due, then the clock."""
-        for topic, to in self._publishers.items():  # all that get this state, so not those that come later
-            self._subscribers[topic] = to.get_subscription_count()
+        if time.monotonic() >= self._counting_due:  # all that get this state, so not those that come later
+            self._counting_due = time.monotonic() + COUNTING_PERIOD
+            for topic, to in self._publishers.items():
+                self._subscribers[topic] = to.get_subscription_count()
         for topic, message in self._messages.of(state, self.stamp(state)):
             if topic in self._publishers:
                 self._send(topic, message)

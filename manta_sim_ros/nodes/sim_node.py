@@ -118,7 +118,8 @@ class SimNode(ParameterNode):
                 done = self._ticked_at = time.monotonic()
                 self._computing += done - began
                 self._next_tick = max(self._next_tick + self._tick_period, done)  # delays are not caught up
-                listen_until = done + LISTENING_SHARE * (done - began)
+                if self._time_to_tick(done) <= 0.0:
+                    listen_until = done + LISTENING_SHARE * (done - began)
             elif self._time.paused or self._leader.stands_still:
                 self._stand_still()
             self._report()

@@ -7,7 +7,6 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from builtin_interfaces.msg import Time
-from visualization_msgs.msg import MarkerArray
 
 from manta_sim_ros.dynamics import State
 from manta_sim_ros.nodes import messages
@@ -84,10 +83,10 @@ class StateMessages:
             return self._joints.write(self._stamp, self._before)
         return self._marker_message(self._before, self._stamp) if topic == 'fin_markers' else None
 
-    def _marker_message(self, state: State, stamp: Time) -> MarkerArray:
-        own = self._settings().node
-        base, odom = messages.header(stamp, own.base_frame), messages.header(stamp, own.odom_frame)
-        return self._markers.message(state, self._settings().model, base, odom, self._mean_current())
+    def _marker_message(self, state: State, stamp: Time) -> Any:
+        settings = self._settings()
+        return self._markers.write(
+            state, settings.model, stamp, settings.node.base_frame, settings.node.odom_frame, self._mean_current())
 
     def _update_templates(self) -> None:
         """Make the templates of the messages again if a parameter has changed: names and variances depend on them."""

@@ -28,8 +28,8 @@ def outputs(probe):
 
 def test_nothing_is_made_while_nobody_subscribes(outputs, simulator, probe, monkeypatch):
     made, forgotten = [], []
-    message, forget = Markers.message, Markers.forget
-    monkeypatch.setattr(Markers, 'message', lambda *arguments: made.append(1) or message(*arguments))
+    write, forget = Markers.write, Markers.forget
+    monkeypatch.setattr(Markers, 'write', lambda *arguments: made.append(1) or write(*arguments))
     monkeypatch.setattr(Markers, 'forget', lambda markers: forgotten.append(1) or forget(markers))
     for _ in range(50):
         outputs.publish(simulator.advance(0.01))
