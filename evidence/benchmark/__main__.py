@@ -8,8 +8,8 @@ import os
 from pathlib import Path
 
 from evidence.benchmark import page
-from evidence.benchmark.baselines import SIZES, calls, compare, memory, paces, scaling, twist
-from evidence.benchmark.node_timing import node_figures
+from evidence.benchmark.baselines import SIZES, batches, calls, compare, memory, paces, scaling, twist
+from evidence.benchmark.node_timing import node_figures, pace_figures
 from manta_sim_ros.dynamics import Parameters
 
 PAGE = Path(__file__).parents[2] / 'docs' / 'benchmark.md'
@@ -38,7 +38,9 @@ def main() -> None:
                  for quantity, sizes in SIZES.items()},
     }
     os.sched_setaffinity(0, all_cores)  # the node runs beside this process
-    figures['node'] = node_figures(starts=1, seconds=3.0) if options.quick else node_figures(starts=5, seconds=20.0)
+    figures['batches'] = batches(options.quick)
+    figures['node'] = node_figures(starts=1, seconds=3.0) if options.quick else node_figures(starts=5, seconds=60.0)
+    figures['robots'] = pace_figures(seconds=2.0 if options.quick else 20.0)
     text = page.text(figures)
     print(text)
     if options.json:

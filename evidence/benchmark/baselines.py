@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+import os
 import resource
 import time
 from collections.abc import Callable
@@ -17,11 +18,12 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import pinocchio
+from mujoco import rollout
 
 from evidence.references import equations
 from evidence.references.mujoco_tree import swimmer_model
 from evidence.references.pinocchio_tree import swimmer_tree
-from manta_sim_ros.dynamics import MONOLITHIC, FinCommand, FloatArray, Parameters, Simulator
+from manta_sim_ros.dynamics import MONOLITHIC, FinCommand, FloatArray, Parameters, Simulator, simulate_batch
 
 GAIT = FinCommand(amplitude=math.radians(40.0), frequency=0.6, phase=math.radians(40.0))
 EVALUATIONS = 5  # of both fins in a step: four of Runge-Kutta and the wrench at its end
@@ -30,6 +32,7 @@ SIZES = {'chains': (8, 16, 30, 60, 120, 240), 'links': (1, 2, 3, 4, 6, 8, 12, 16
 TWISTED = {8: 3.8e6, 12: 3.8e6, 30: 4e5}  # Pa, shear modulus for each number of chains: stable with the default step
 CONFIG = Path(__file__).parents[2] / 'config'
 CONFIGURATIONS = ('manta', 'freshwater')  # files in config/
+ROBOTS, CHAINS_OF_MANY = 64, 12  # simulated together; chains of each of their fins
 SHORT_STEP = 1e-6  # s, stable for the shortest links; a step costs the same whatever its length
 
 Timings = dict[str, FloatArray]  # of each program, seconds per call in each round
@@ -194,6 +197,54 @@ def scaling(parameters: Parameters, quantity: str, sizes: tuple[int, ...], quick
     logarithms = np.log(list(medians.items()))
     exponents = [float(np.polyfit(*part.T, 1)[0]) for part in (logarithms, logarithms[len(sizes) // 2:])]
     return {'step [s]': medians, 'exponent': exponents[0], 'exponent of the larger half': exponents[1]}
+
+
+def batches(quick: bool) -> dict[str, float]:
+    """Return the robot-steps per second of many small robots, in elapsed time, and their ratios.
+
+    Programs: `advance` of each robot in turn on one core, `simulate_batch` on one and on all cores, and MuJoCo's
+    threaded rollout of the same trees on all cores.
+    """
+    parameters = Parameters().replace(fin={'chains': CHAINS_OF_MANY})
+    cores = sorted(os.sched_getaffinity(0))
+    simulators = [swimming(parameters, lead_in=2.0) for _ in range(ROBOTS)]
+    states, steps = [simulator.state for simulator in simulators], 100 if quick else 500
+    duration = steps * parameters.solver.time_step
+    model = swimmer_model(parameters, parameters.solver.time_step)
+    bent = mujoco.MjData(model)
+    bent.qpos[7:] = 0.1
+    start = np.empty(mujoco.mj_stateSize(model, mujoco.mjtState.mjSTATE_FULLPHYSICS))
+    mujoco.mj_getState(model, bent, start, mujoco.mjtState.mjSTATE_FULLPHYSICS)
+    starts = np.tile(start, (ROBOTS, 1))
+    mujoco_steps, threads = max(1, steps // 20), [mujoco.MjData(model) for _ in cores]
+
+    def in_turn() -> None:
+        for simulator in simulators:
+            simulator.advance(duration)
+
+    with rollout.Rollout(nthread=len(cores)) as pool:
+        programs: dict[str, tuple[list[int], int, Callable[[], object]]] = {
+            'advance in turn, one core': (cores[-1:], steps, in_turn),
+            'batch, one core': (cores[-1:], steps, lambda: simulate_batch(parameters, states, None, duration)),
+            'batch, all cores': (cores, steps, lambda: simulate_batch(parameters, states, None, duration)),
+            'mujoco rollout, all cores': (
+                cores, mujoco_steps, lambda: pool.rollout(model, threads, starts, nstep=mujoco_steps)),
+        }
+        rates: dict[str, list[float]] = {name: [] for name in programs}
+        for _ in range(3 if quick else 9):
+            for name, (used, count, run) in programs.items():
+                os.sched_setaffinity(0, used)
+                began = time.monotonic()
+                run()
+                rates[name].append(ROBOTS * count / (time.monotonic() - began))
+    os.sched_setaffinity(0, cores)
+    of = {name: np.array(values[1:]) for name, values in rates.items()}
+    figures = of | {
+        'batch / advance in turn, one core': of['batch, one core'] / of['advance in turn, one core'],
+        'all cores / one core': of['batch, all cores'] / of['batch, one core'],
+        'batch / mujoco rollout': of['batch, all cores'] / of['mujoco rollout, all cores'],
+    }
+    return {name: float(np.median(values)) for name, values in figures.items()}
 
 
 def calls(parameters: Parameters, quick: bool) -> dict[str, float]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import functools
 import os
 import statistics
 import subprocess
@@ -10,14 +11,16 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterator
-from pathlib import Path
 
+import numpy as np
 import rclpy
 from geometry_msgs.msg import PoseStamped
 from rclpy.node import Node
+from rosgraph_msgs.msg import Clock
 from std_msgs.msg import Float64MultiArray
 from visualization_msgs.msg import MarkerArray
 
+from evidence.benchmark import robots
 from evidence.benchmark.bare_node import EXECUTORS
 from evidence.harness.processes import command_of
 
@@ -25,6 +28,9 @@ STARTED_WITHIN = 300.0  # s, a first start on a slow machine
 SETTLED = 2.0  # s after the first message, before processor time is counted
 ROUNDS = 5  # of the measurement of processor time
 BARE_NODE = 'evidence.benchmark.bare_node'
+PROCESS_CLOCK = 2  # in the number of a clock of Linux: all threads of a process, nanoseconds
+ROBOTS = 10
+FAST_RATE = 1000.0  # Hz
 SWIM = [0.7, 0.7, 0.6, 0.6, 0.7, 0.7]
 
 
@@ -79,6 +85,65 @@ def node_figures(starts: int, seconds: float) -> dict[str, float]:
     }
 
 
+def pace_figures(seconds: float) -> dict[str, float]:
+    """Measure how much of real time robots reach in `seconds` of swimming, and the processor time that they take.
+
+    Of several robots, the factor is that of the slowest one. The robots are one at `FAST_RATE` on one core, then
+    `ROBOTS` at 100 Hz, in as many processes and in one.
+    """
+    names = [f'robot_{number}' for number in range(ROBOTS)]
+    fast = [*command_of('sim_node'), *robots.arguments('fast'), '-p', f'publish_rate:={FAST_RATE}',
+            '-p', f'solver.time_step:={1.0 / FAST_RATE}']
+    figures = {}
+    for label, commands, heard in (
+        ('at 1000 Hz on one core', [['taskset', '-c', '0', *fast]], ['fast']),
+        ('in ten processes', [[*command_of('sim_node'), *robots.arguments(name)] for name in names], names),
+        ('in one process', [[sys.executable, '-m', 'evidence.benchmark.robots', *names]], names),
+    ):
+        with contextlib.ExitStack() as processes:
+            pids = [processes.enter_context(_process(command)).pid for command in commands]
+            factor, share = _pace(pids, heard, seconds)
+        figures |= {f'real-time factor {label}': factor, f'processor share {label}': share}
+    return figures
+
+
+def _pace(pids: list[int], names: list[str], seconds: float) -> tuple[float, float]:
+    """Return the real-time factor of the slowest robot, and the share of a core of all processes."""
+    rclpy.init()
+    watch = rclpy.create_node('pace')
+    commands = [watch.create_publisher(Float64MultiArray, f'/{name}/fin_command', 10) for name in names]
+
+    def clocks() -> dict[str, tuple[float, float]]:
+        """Return the simulated time of each robot [s], and the elapsed time at which it was heard."""
+        times: dict[str, tuple[float, float]] = {}
+
+        def hear(name: str, message: Clock) -> None:
+            times.setdefault(name, (message.clock.sec + 1e-9 * message.clock.nanosec, time.monotonic()))
+
+        subscriptions = [
+            watch.create_subscription(Clock, f'/{name}/clock', functools.partial(hear, name), 1) for name in names]
+        began = time.monotonic()
+        while len(times) < len(names):
+            rclpy.spin_once(watch, timeout_sec=0.05)
+            if time.monotonic() - began > STARTED_WITHIN:
+                raise TimeoutError(f'no clock within {STARTED_WITHIN:g} s')
+        for subscription in subscriptions:
+            watch.destroy_subscription(subscription)
+        return times
+
+    clocks()
+    for command in commands:
+        command.publish(Float64MultiArray(data=SWIM))
+    time.sleep(SETTLED)
+    before, began, used = clocks(), time.monotonic(), sum(map(processor_time, pids))
+    time.sleep(seconds)
+    share = (sum(map(processor_time, pids)) - used) / (time.monotonic() - began)
+    after = clocks()
+    rclpy.shutdown()
+    factors = [np.subtract(after[name], before[name]) for name in names]
+    return min(simulated / elapsed for simulated, elapsed in factors), share
+
+
 def _spin(node: Node, seconds: float) -> None:
     end = time.monotonic() + seconds
     while time.monotonic() < end:
@@ -117,6 +182,5 @@ def _process(command: list[str], environment: dict[str, str] | None = None) -> I
 
 
 def processor_time(pid: int) -> float:
-    """Return the processor time of a process [s], user and system."""
-    fields = Path(f'/proc/{pid}/stat').read_text(encoding='ascii').rpartition(')')[2].split()
-    return (int(fields[11]) + int(fields[12])) / os.sysconf('SC_CLK_TCK')
+    """Return the processor time of a process and all its threads [s]."""
+    return time.clock_gettime(~pid << 3 | PROCESS_CLOCK)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from evidence.benchmark.baselines import EVALUATIONS, PAPER_SPAN, PAPER_TIME, TWISTED
+from evidence.benchmark.baselines import CHAINS_OF_MANY, EVALUATIONS, PAPER_SPAN, PAPER_TIME, ROBOTS, TWISTED
 from evidence.report import prose, table
 from manta_sim_ros.dynamics import Parameters
 
@@ -41,10 +41,17 @@ SHARES = {
     'a bare node, events executor': 'processor share of a bare node, events',
 }
 
+BATCHES = ('advance in turn, one core', 'batch, one core', 'batch, all cores', 'mujoco rollout, all cores')
+BATCH_RATIOS = {  # least wanted ratio
+    'batch / advance in turn, one core': '3', 'all cores / one core': '1.8', 'batch / mujoco rollout': ''}
+
+ROBOTS_OF = ('at 1000 Hz on one core', 'in ten processes', 'in one process')
+
 
 def text(figures: dict[str, Any]) -> str:
     """Return the page."""
-    compared, calls, kept, node = (figures[name] for name in ('compared', 'calls', 'memory', 'node'))
+    compared, calls, kept, batches, node, robots = (
+        figures[name] for name in ('compared', 'calls', 'memory', 'batches', 'node', 'robots'))
     steps = round(PAPER_SPAN / Parameters().solver.time_step)
     return '\n\n'.join([
         HEAD.strip(),
@@ -74,6 +81,14 @@ freedom; `aba` computes neither drag nor springs."""),
             (f'`config/{name}.yaml`', str(pace['chains']), f'{1e3 * pace["time step [s]"]:g}',
              f'{1e6 * pace["step [s]"]:.1f}', f'{pace["times real time"]:.0f}')
             for name, pace in figures['paces'].items())),
+        '## Many robots at once',
+        prose(f"""
+Robot-steps per elapsed second of {ROBOTS} robots with {CHAINS_OF_MANY} chains. The rollout of MuJoCo is that of the
+same trees with its own drag."""),
+        table(('program', 'robot-steps per second'), (
+            (name, f'{batches[name]:.0f}') for name in BATCHES)),
+        table(('ratio', 'value', 'wanted, at least'), (
+            (name, f'{batches[name]:.2f}', least) for name, least in BATCH_RATIOS.items())),
         '## Size of the fins',
         *(block for quantity, cost in figures['cost'].items() for block in (
             prose(f'The time of a step grows with the number of {quantity} to the power of {cost["exponent"]:.2f}; '
@@ -91,10 +106,16 @@ The resident memory is {kept["before [MiB]"]:.1f} MiB before and {kept["after [M
 A bare node of rclpy has one timer and publishes one `Odometry` at 100 Hz. It runs at the same time as `sim_node`."""),
         table(('sim_node', 'value', 'wanted, at most'), (
             ('first start to first message, kernels not compiled [s]', f'{node["first start [s]"]:.1f}', ''),
-            ('later start to first message [s]', f'{node["warm start [s]"]:.2f}', '3'),
+            ('later start to first message [s]', f'{node["warm start [s]"]:.2f}', '1.2'),
             *((f'share of a core of {name} at 100 Hz [%]', f'{100.0 * node[key]:.1f}', '')
               for name, key in SHARES.items()),
             ('... relative to the bare node, single-threaded', f'{node["ours / bare"]:.2f}', '1.0'),
             ('... and with markers at 10 Hz', f'{node["ours with markers / bare"]:.2f}', '1.5'),
         )),
+        prose("""
+The pace of swimming robots with all their topics, and the processor time of all their processes together. Of ten
+robots, the factor is that of the slowest."""),
+        table(('robots', 'real-time factor', 'share of a core [%]'), (
+            (name, f'{robots[f"real-time factor {name}"]:.3f}', f'{100.0 * robots[f"processor share {name}"]:.0f}')
+            for name in ROBOTS_OF)),
     ]) + '\n'

@@ -7,6 +7,7 @@ from collections.abc import Iterable
 from typing import Any
 
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor, SetParametersResult
+from rclpy.context import Context
 from rclpy.exceptions import ParameterNotDeclaredException
 from rclpy.node import Node
 from rclpy.parameter import Parameter
@@ -28,11 +29,13 @@ class ParameterNode(Node):
     ----------
     name
         Its name.
+    context
+        The context in which it runs; by default that of `rclpy.init()`.
 
     """
 
-    def __init__(self, name: str) -> None:
-        super().__init__(name, automatically_declare_parameters_from_overrides=True)
+    def __init__(self, name: str, context: Context | None = None) -> None:
+        super().__init__(name, context=context, automatically_declare_parameters_from_overrides=True)
         self.given: dict[str, Any] = {
             name: parameter.value for name, parameter in self.get_parameters_by_prefix('').items()
             if name not in OTHERS}

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray
 from rcl_interfaces.msg import SetParametersResult
+from rclpy.context import Context
 from rclpy.exceptions import ParameterNotDeclaredException
 from rclpy.parameter import Parameter
 from sensor_msgs.msg import JointState
@@ -50,6 +51,12 @@ LONGEST_WAIT = 0.1  # s
 class SimNode(ParameterNode):
     """The simulated robot as a node. It publishes simulated time: first all outputs of a state, then the clock.
 
+    Parameters
+    ----------
+    context
+        The context in which it runs; by default that of `rclpy.init()`. Robots of one process have one each, with the
+        ROS 2 arguments of that robot.
+
     Raises
     ------
     ValueError
@@ -57,8 +64,8 @@ class SimNode(ParameterNode):
 
     """
 
-    def __init__(self) -> None:
-        super().__init__('manta_sim')
+    def __init__(self, context: Context | None = None) -> None:
+        super().__init__('manta_sim', context)
         warnings.simplefilter('ignore', StabilityWarning)  # `_warn_of_step` logs it
         warnings.simplefilter('ignore', ModelWarning)  # `_warn_of_model` does
         self._settings: Settings = declare(self)
