@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import dataclasses
+import math
+from collections.abc import Sequence
 from typing import ClassVar, NamedTuple
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from manta_sim_ros.dynamics import (
     LARGEST_SEED,
@@ -111,16 +112,30 @@ def read_imu(imu: Imu, parameters: Parameters, state: State) -> ImuReading:
     Gravity is `body.gravity`, and the acceleration is that of the state.
     """
     noise = _noise(imu.seed, IMU_STREAM, state.time, 9)
-    attitude = Rotation.from_quat(state.orientation)
-    up = attitude.as_matrix()[2]  # the world's z axis in F_b
-    (vx, vy, vz), (wx, wy, wz) = state.twist[:3].tolist(), state.twist[3:].tolist()
+    x, y, z, w = state.orientation.tolist()
+    up = np.array((2.0 * (x * z - y * w), 2.0 * (y * z + x * w), 1.0 - 2.0 * (x * x + y * y)))  # the world's z in F_b
+    vx, vy, vz, wx, wy, wz = state.twist.tolist()
     turning = np.array((wy * vz - wz * vy, wz * vx - wx * vz, wx * vy - wy * vx))  # Omega x V; numpy.cross costs 20 us
     specific_force = state.acceleration[:3] + turning + parameters.body.gravity * up
     return ImuReading(
-        orientation=(attitude * Rotation.from_rotvec(imu.orientation_noise * noise[6:])).as_quat(),
+        orientation=_turned((x, y, z, w), (imu.orientation_noise * noise[6:]).tolist()),
         angular_velocity=state.twist[3:] + imu.angular_velocity_bias + imu.angular_velocity_noise * noise[3:6],
         specific_force=specific_force + imu.acceleration_bias + imu.acceleration_noise * noise[:3],
     )
+
+
+def _turned(quaternion: Sequence[float], rotation_vector: Sequence[float]) -> FloatArray:
+    """Return a quaternion (x, y, z, w) turned by a rotation vector in the moving frame [rad].
+
+    SciPy's Rotation would take a quarter of the processor time of the whole node.
+    """
+    x, y, z, w = quaternion
+    angle = math.hypot(*rotation_vector)
+    p, q, r = (component * (math.sin(0.5 * angle) / angle if angle > 0.0 else 0.5) for component in rotation_vector)
+    s = math.cos(0.5 * angle)
+    return np.array((
+        w * p + x * s + y * r - z * q, w * q - x * r + y * s + z * p, w * r + x * q - y * p + z * s,
+        w * s - x * p - y * q - z * r))
 
 
 def read_pressure(pressure: Pressure, parameters: Parameters, state: State) -> float:
