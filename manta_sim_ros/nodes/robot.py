@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
+import itertools
 import math
 from collections.abc import Callable, Iterator, Sequence
 
@@ -186,8 +187,8 @@ class Robot:
         if self._commanded_at is not None:
             self._commanded_at += shift
 
-    def ticks(self, duration: float) -> Iterator[State]:
-        """Yield the states of all outputs in exactly the next `duration` [s]; the last one is at its end.
+    def ticks(self, duration: float, count: int = 1) -> Iterator[State]:
+        """Yield the states of all outputs in the next `duration` [s], with one exactly at its end, `count` times.
 
         Raises
         ------
@@ -195,7 +196,8 @@ class Robot:
             `duration` is not a whole number of time steps.
 
         """
-        return self._states(whole_steps(duration, self._time_step))
+        steps = whole_steps(duration, self._time_step)
+        return itertools.chain.from_iterable(self._states(steps) for _ in range(count))
 
     def _states(self, steps: int) -> Iterator[State]:
         self._steps_due = 0.0
@@ -211,16 +213,21 @@ class Robot:
         """
         return self._put(*self._start, self.state.time, np.zeros(3))
 
-    def put(self, position: Sequence[float], orientation: Sequence[float]) -> State:
-        """Put the robot at rest at a pose [m; x, y, z, w], with flat fins, without gait and wrench; time goes on.
+    def put(
+        self, position: Sequence[float], orientation: Sequence[float], twist: FloatArray | None = None,
+    ) -> State:
+        """Put the robot at a pose [m; x, y, z, w], with flat fins, without gait and wrench; time goes on.
+
+        It is at rest there, or moves with a twist (6,) [m/s, rad/s], components in the body frame.
 
         Raises
         ------
         ValueError
-            A value is not finite, or the orientation is not a unit quaternion; then nothing changes.
+            A value is not finite, the orientation is not a unit quaternion, or the robot is to move although its base
+            is fixed; then nothing changes.
 
         """
-        return self._put(position, orientation, self.state.time)
+        return self._put(position, orientation, self.state.time, twist=twist)
 
     @property
     def _start(self) -> tuple[Sequence[float], FloatArray]:
@@ -273,12 +280,13 @@ class Robot:
 
     def _put(
         self, position: Sequence[float] | FloatArray, orientation: Sequence[float] | FloatArray, time: float,
-        current_deviation: FloatArray | None = None,
+        current_deviation: FloatArray | None = None, twist: FloatArray | None = None,
     ) -> State:
-        """Put the robot at rest; the deviation of the current stays as it is unless one is given."""
-        state = self._simulator.reset(self._at_rest(
+        """Put the robot at rest unless a twist is given; the deviation of the current stays unless one is given."""
+        state = self._at_rest(
             position, orientation, time,
-            self.state.current_deviation if current_deviation is None else current_deviation))
+            self.state.current_deviation if current_deviation is None else current_deviation)
+        state = self._simulator.reset(state if twist is None else dataclasses.replace(state, twist=twist))
         self._commanded_at, self.timed_out = None, False
         self.end_external_wrench()
         return state

@@ -1,16 +1,16 @@
-"""Pause, step, reset, and a new pose: the services and the topic that control simulated time and the robot."""
+"""Pause, step, reset, and a new pose: what controls simulated time and the robot, and its services and topic."""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import TypeVar
 
 from geometry_msgs.msg import PoseStamped
 from rclpy.node import Node
 from std_srvs.srv import SetBool, Trigger
 
-from manta_sim_ros.dynamics import State
+from manta_sim_ros.dynamics import FloatArray, State
 from manta_sim_ros.nodes import messages
 from manta_sim_ros.nodes.leader_clock import FOLLOWS, LeaderClock
 from manta_sim_ros.nodes.qos import drain, subscription
@@ -21,7 +21,7 @@ from manta_sim_ros.nodes.settings import Settings
 Response = TypeVar('Response', SetBool.Response, Trigger.Response)
 
 LONGEST_STEP = 50.0
-"""Longest elapsed time of one `~/step` [s], after which the node hears everybody else again."""
+"""Longest elapsed time of one request to step [s], after which the node hears everybody else again."""
 
 
 def _within(duration: float, states: Iterable[State]) -> Iterator[State]:
@@ -34,7 +34,7 @@ def _within(duration: float, states: Iterable[State]) -> Iterator[State]:
 
 
 class TimeControl:
-    """The services `~/pause`, `~/step` and `~/reset`, and the topic `set_pose`.
+    """Simulated time and where the robot is: `~/pause`, `~/step`, `~/reset`, `set_pose`, and what they do.
 
     Parameters
     ----------
@@ -77,57 +77,88 @@ class TimeControl:
         """Whether simulated time stands still except for steps; never of a node that follows a clock."""
         return self._paused and not self._leader.followed
 
-    def _pause(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
-        if self._leader.followed:
-            return self._refuse(response, FOLLOWS)
-        before, self._paused = self._paused, request.data
-        if before and not self._paused:
-            self._resume()
-        response.success, response.message = True, f'{"paused" if self._paused else "running"} at {self._now}'
-        return response
+    def pause(self, paused: bool) -> str:
+        """Let simulated time stand still or run, and return what it does now and when that is, in words.
 
-    def _step(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        Raises
+        ------
+        ValueError
+            The node follows a clock.
+
+        """
         if self._leader.followed:
-            return self._refuse(response, FOLLOWS)
+            raise ValueError(FOLLOWS)
+        before, self._paused = self._paused, paused
+        if before and not paused:
+            self._resume()
+        return f'{"paused" if paused else "running"} at {self._now}'
+
+    def step(self, count: int = 1) -> tuple[bool, str]:
+        """Advance by exactly `count` times `step_duration`, with all outputs in it.
+
+        Return whether that was done, and in words to where. It was not if the motion diverged, or if it took longer
+        than `LONGEST_STEP`.
+
+        Raises
+        ------
+        ValueError
+            The node follows a clock, is not paused, or `step_duration` is not a whole number of time steps.
+
+        """
+        if self._leader.followed:
+            raise ValueError(FOLLOWS)
         if not self.paused:
-            return self._refuse(
-                response, 'not paused: simulated time is running; first call the service ~/pause with data true')
-        try:
-            states = self._robot.ticks(self._settings().node.step_duration)
-        except ValueError as error:
-            return self._refuse(response, str(error))
-        before, end = self._robot.divergences, self._robot.state.time + self._settings().node.step_duration
+            raise ValueError('not paused: simulated time is running; first call the service ~/pause with data true')
+        duration = self._settings().node.step_duration
+        states = self._robot.ticks(duration, count)
+        before, end = self._robot.divergences, self._robot.state.time + count * duration
         self._publish(_within(LONGEST_STEP, states))
         diverged = self._robot.divergences != before
         cut_short = self._robot.state.time < end - 0.5 * self._settings().model.solver.time_step
-        response.success = not (diverged or cut_short)
-        response.message = f'stepped to {self._now}'
+        words = f'stepped to {self._now}'
         if cut_short:
-            response.message += (
-                f' only, as a step takes at most {LONGEST_STEP:g} s: step again, or set a shorter step_duration')
+            words += f' only, as a step takes at most {LONGEST_STEP:g} s: step again, or set a shorter step_duration'
         if diverged:
-            response.message += ', but the motion diverged and the robot was put at rest where it was'
-        return response
+            words += ', but the motion diverged and the robot was put at rest where it was'
+        return not (diverged or cut_short), words
 
-    def _refuse(self, response: Response, reason: str) -> Response:
-        response.success, response.message = False, reason
-        self.refusals['service calls'].count(reason)
-        return response
-
-    def _reset(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+    def reset(self) -> str:
+        """Put the robot at rest where it started, drop what was sent before, and return the time in words."""
         drain(self._poses)
         self._forget_inputs()
-        self._put(self._robot.reset())
-        response.success, response.message = True, f'at rest where it started, at {self._now}'
+        self._show(self._robot.reset())
+        return f'at rest where it started, at {self._now}'
+
+    def put(
+        self, position: Sequence[float], orientation: Sequence[float], twist: FloatArray | None = None,
+    ) -> None:
+        """Put the robot at a pose as `Robot.put` does, and publish that where time stands still."""
+        self._show(self._robot.put(position, orientation, twist))
+
+    def _pause(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
+        return self._answer(response, lambda: (True, self.pause(request.data)))
+
+    def _step(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        return self._answer(response, self.step)
+
+    def _reset(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        return self._answer(response, lambda: (True, self.reset()))
+
+    def _answer(self, response: Response, act: Callable[[], tuple[bool, str]]) -> Response:
+        try:
+            response.success, response.message = act()
+        except ValueError as error:
+            response.success, response.message = False, str(error)
+            self.refusals['service calls'].count(str(error))
         return response
 
     def _set_pose(self, message: PoseStamped) -> None:
         try:
-            self._put(self._robot.put(*messages.pose_of(message, self._settings().node.odom_frame)))
+            self.put(*messages.pose_of(message, self._settings().node.odom_frame))
         except ValueError as error:
             self.refusals['set_pose'].add(error)
 
-    def _put(self, state: State) -> None:
+    def _show(self, state: State) -> None:
         if self.paused or self._leader.stands_still:  # else no output would show it before the next step
             self._publish([state])
 

@@ -35,6 +35,36 @@ def test_a_new_pose_ends_a_wrench_that_would_go_on(lines):
     np.testing.assert_array_equal(state.position, (1.0, 2.0, 3.0))
 
 
+def test_a_robot_that_is_put_with_a_twist_moves_with_it_at_once(lines):
+    twist = np.array([0.5, 0.0, 0.1, 0.0, 0.0, 0.2])
+    robot = made(lines)
+    robot.tick()
+    before = robot.state.time
+    np.testing.assert_array_equal(robot.put((1.0, 2.0, 3.0), LEVEL, twist).twist, twist)
+    assert robot.state.time == before and robot.tick().position[0] > 1.004
+    np.testing.assert_array_equal(robot.put((1.0, 2.0, 3.0), LEVEL).twist, 0.0)
+
+
+def test_a_robot_whose_base_is_fixed_is_not_put_with_a_twist(lines):
+    robot = made(lines, ('solver.fixed_base', True))
+    with pytest.raises(ValueError, match='but solver.fixed_base asks for zeros'):
+        robot.put((1.0, 0.0, 0.0), LEVEL, np.ones(6))
+    np.testing.assert_array_equal(robot.state.position, 0.0)
+
+
+def test_many_steps_have_the_outputs_of_one_after_the_other(lines):
+    robot, twin = made(lines), made(lines)
+    for each in (robot, twin):
+        each.command(SWIM, SWIM)
+    states = list(robot.ticks(0.026, 3))
+    single = [state for _ in range(3) for state in twin.ticks(0.026)]
+    assert [state.time for state in states] == pytest.approx([
+        0.01, 0.02, 0.026, 0.036, 0.046, 0.052, 0.062, 0.072, 0.078])
+    for state, same in zip(states, single):
+        assert_same_bits(state, same)
+    assert len(states) == len(single)
+
+
 def test_the_water_goes_on_as_it_is_at_a_new_pose_and_begins_again_at_a_reset(lines):
     robot = made(lines, *VARYING)
     for _ in range(5):
