@@ -89,5 +89,19 @@ SERVICES = {
         'std_srvs/srv/Trigger',
         'puts the robot at rest where it started; the clock goes on; commands, poses and disturbances sent before are '
         'dropped'),
+    **{
+        f'~/{name}': Service(
+            f'simulation_interfaces/srv/{kind}', f'{meaning}; where simulation_interfaces is installed')
+        for name, kind, meaning in (
+            ('get_simulator_features', 'GetSimulatorFeatures', 'what of the standard is supported'),
+            ('get_simulation_state', 'GetSimulationState', 'whether simulated time runs or stands still'),
+            ('set_simulation_state', 'SetSimulationState', 'playing or paused, as `~/pause`'),
+            ('step_simulation', 'StepSimulation', 'as `~/step`, so many times'),
+            ('reset_simulation', 'ResetSimulation', 'with SCOPE_STATE as `~/reset`'),
+            ('get_entities', 'GetEntities', 'the name of the robot, which is the full name of the node'),
+            ('get_entity_info', 'GetEntityInfo', 'that it is a robot'),
+            ('get_entity_state', 'GetEntityState', 'its pose, twist and acceleration, in `odom`'),
+            ('set_entity_state', 'SetEntityState', 'puts it at a pose in `odom`, as `set_pose`, and with a twist'),
+        )},
 }
 """`~` is the name of the node."""

@@ -20,6 +20,7 @@ from geometry_msgs.msg import (
 )
 from nav_msgs.msg import Odometry
 from rosgraph_msgs.msg import Clock
+from scipy.spatial.transform import Rotation
 from sensor_msgs.msg import FluidPressure, Imu, JointState
 from std_msgs.msg import Float64MultiArray, Header
 
@@ -43,6 +44,8 @@ FASTEST_CURRENT = Parameters.quantities()['water.current'].high
 """Bound of each component of a current [m/s]."""
 LARGEST_FORCE, LARGEST_MOMENT = 1e6, 1e6
 """Bounds of each component of a wrench on the body [N, N m]: far above any load of a robot."""
+LARGEST_TWIST = 100.0
+"""Bound of each component of a twist at which the robot is put [m/s, rad/s]: far above any robot."""
 UNIT_TOLERANCE = 0.01
 """Largest difference of the norm of an orientation from 1: the rounding of typed digits."""
 
@@ -266,6 +269,35 @@ def pose_of(message: PoseStamped, odom_frame: str) -> tuple[list[float], list[fl
         raise ValueError(
             f'pose.orientation has norm {norm:g}, but must be a unit quaternion: 1 within {UNIT_TOLERANCE:g}')
     return position, [part / norm for part in orientation]
+
+
+def world_motion(state: State) -> tuple[FloatArray, FloatArray]:
+    """Return twist [m/s, rad/s] and acceleration [m/s^2, rad/s^2], (6,) each, of the body frame in the world frame.
+
+    They are those of its origin relative to the world, with components in the world frame.
+    """
+    to_world = Rotation.from_quat(state.orientation)
+    velocity, rates = state.twist[:3], state.twist[3:]
+    acceleration = state.acceleration[:3] + np.cross(rates, velocity)  # of the components, and as the frame turns
+    return (
+        to_world.apply([velocity, rates]).ravel(),
+        to_world.apply([acceleration, state.acceleration[3:]]).ravel())
+
+
+def twist_of(message: TwistStamped, odom_frame: str, orientation: Sequence[float]) -> FloatArray:
+    """Return the twist (6,) of the body [m/s, rad/s], whose orientation is given, with components in the body frame.
+
+    Raises
+    ------
+    ValueError
+        The twist is not in the world frame, or a value is not finite or out of its bounds; names it and the bound.
+
+    """
+    _check_frame(message.header, odom_frame)
+    twist = [
+        _checked('twist.linear', message.twist.linear, LARGEST_TWIST, 'm/s'),
+        _checked('twist.angular', message.twist.angular, LARGEST_TWIST, 'rad/s')]
+    return np.asarray(Rotation.from_quat(orientation).inv().apply(twist)).ravel()
 
 
 def current_of(message: Vector3Stamped, odom_frame: str) -> list[float]:

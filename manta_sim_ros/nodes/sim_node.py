@@ -91,6 +91,7 @@ class SimNode(ParameterNode):
         self._time = TimeControl(
             self, self._robot, lambda: self._settings, self._leader, self._outputs.publish_all, self._set_pace,
             self._forget_inputs)
+        self._offers_standard_services = self._offer_standard_services()
         self.add_on_set_parameters_callback(self._check_parameters)
         self.add_post_set_parameters_callback(self._apply_parameters)
         self.warn_of_unknown_parameters()
@@ -100,6 +101,9 @@ class SimNode(ParameterNode):
         if self._outputs.lacks_transform:
             self.get_logger().info(
                 'no transform is published, as tf2_msgs is not installed: install it, or set publish_tf to false')
+        if not self._offers_standard_services:
+            self.get_logger().info(
+                'the standard services of simulators are not offered, as simulation_interfaces is not installed')
         compile_kernels(self._settings.model, self.get_logger().info)
         self._warn_of_model()
         self._leader.begin()
@@ -110,6 +114,16 @@ class SimNode(ParameterNode):
         self._set_pace()
         self.get_logger().info(
             f'ready{" and paused" if self._time.paused else ""}: publish fin commands on {self._commands.topic_name}')
+
+    def _offer_standard_services(self) -> bool:
+        """Offer the services of simulation_interfaces; return whether that package is installed."""
+        try:
+            from manta_sim_ros.nodes.simulation_interfaces import SimulationInterfaces
+        except ModuleNotFoundError:
+            return False
+        SimulationInterfaces(
+            self, self._robot, lambda: self._settings, self._leader, self._time, self._outputs.stamp)
+        return True
 
     def spin(self) -> None:
         """Simulate on the steady clock and run callbacks in between, until the context is shut down.

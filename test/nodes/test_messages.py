@@ -11,6 +11,7 @@ from geometry_msgs.msg import PoseStamped, TwistStamped, Vector3, Vector3Stamped
 from nav_msgs.msg import Odometry
 from rclpy.serialization import serialize_message
 from rosgraph_msgs.msg import Clock
+from scipy.spatial.transform import Rotation
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, MultiArrayDimension, MultiArrayLayout
 
@@ -262,6 +263,44 @@ def current(*values, frame='world'):
 def wrench(force=(0.0, 0.0, 0.0), torque=(0.0, 0.0, 0.0), frame='manta'):
     return WrenchStamped(
         header=messages.header(STAMP, frame), wrench=Wrench(force=vector(*force), torque=vector(*torque)))
+
+
+def test_the_motion_in_the_world_is_that_of_the_pose_and_changes_with_the_acceleration(state):
+    state = dataclasses.replace(state, acceleration=np.array([1.0, -2.0, 3.0, -4.0, 5.0, -6.0]))
+    step = 1e-4
+
+    def after(time):
+        """Return the state a short time later, to the second order in it."""
+        turn = Rotation.from_rotvec(time * state.twist[3:] + 0.5 * time * time * state.acceleration[3:])
+        attitude = Rotation.from_quat(state.orientation)
+        moved = time * state.twist[:3] + 0.5 * time * time * (
+            state.acceleration[:3] + np.cross(state.twist[3:], state.twist[:3]))
+        return dataclasses.replace(
+            state, position=state.position + attitude.apply(moved), orientation=(attitude * turn).as_quat(),
+            twist=state.twist + time * state.acceleration)
+
+    twist, acceleration = messages.world_motion(state)
+    earlier, later = after(-step), after(step)
+    velocity = (later.position - earlier.position) / (2.0 * step)
+    turned = Rotation.from_quat(later.orientation) * Rotation.from_quat(earlier.orientation).inv()
+    np.testing.assert_allclose(twist, [*velocity, *turned.as_rotvec() / (2.0 * step)], rtol=1e-6)
+    change = (messages.world_motion(later)[0] - messages.world_motion(earlier)[0]) / (2.0 * step)
+    np.testing.assert_allclose(acceleration, change, rtol=1e-6)
+
+
+def test_a_twist_in_the_world_is_read_as_one_of_the_body(state):
+    twist, _ = messages.world_motion(state)
+    message = TwistStamped()
+    message.header.frame_id = 'world'
+    for part, values in ((message.twist.linear, twist[:3]), (message.twist.angular, twist[3:])):
+        part.x, part.y, part.z = values.tolist()
+    read = messages.twist_of(message, 'world', state.orientation)
+    np.testing.assert_allclose(read, state.twist, rtol=0.0, atol=1e-14)
+    message.twist.angular.y = -101.0
+    with pytest.raises(ValueError, match=r'^twist.angular.y is -101.0, but must be from -100 to 100 rad/s$'):
+        messages.twist_of(message, 'world', state.orientation)
+    with pytest.raises(ValueError, match=r"^header.frame_id is 'world', but must be 'map'$"):
+        messages.twist_of(message, 'map', state.orientation)
 
 
 def test_a_current_is_read_and_so_are_its_bounds():

@@ -14,7 +14,7 @@ LIBRARY = PACKAGE / 'dynamics'
 ALLOWED = {'numba', 'numpy', 'yaml'}
 OF_ROS = {'rclpy', 'rcl_interfaces', 'rosgraph_msgs', 'std_msgs', 'std_srvs', 'geometry_msgs', 'nav_msgs',
           'sensor_msgs', 'diagnostic_msgs', 'visualization_msgs', 'tf2_msgs', 'builtin_interfaces',
-          'ament_index_python', 'rpyutils'}
+          'simulation_interfaces', 'ament_index_python', 'rpyutils'}
 SHARED = ['manta_sim_ros.dynamics', 'manta_sim_ros.sensors', 'manta_sim_ros.body_shape', 'manta_sim_ros.signals']
 
 IMPORT = """
