@@ -11,7 +11,7 @@ VENV := $(if $(filter-out kilted,$(ROS)),.venv-$(ROS),.venv)
 TOOLS := @scripts/setup.sh --dev
 PYTEST_ARGS ?=
 
-.PHONY: help sim test colcon-test lint docs tables bench steering verify paper validate soak setup clean
+.PHONY: help sim study test colcon-test lint docs tables bench steering verify paper validate soak setup clean
 
 help:  ## list the targets
 	@sed -n 's/^\([a-z-]*\):.*## /\1\t/p' $(firstword $(MAKEFILE_LIST)) | expand -t 13
@@ -19,6 +19,11 @@ help:  ## list the targets
 
 sim:  ## watch the robot swim straight ahead and then turn
 	@scripts/setup.sh -- scripts/sim.sh
+
+study:  ## simulate a swim faster than real time, the example of docs/studies.md: writes study/
+	@rm -rf study
+	@scripts/setup.sh -- simulate --config config/freshwater.yaml --commands docs/studies/straight_then_turn.csv \
+	  --duration 20 --output study/run --fin-joints
 
 test:  ## run all tests on the built package, in two processes
 	@env -u ROS_DOMAIN_ID scripts/setup.sh --dev -- pytest -n 2 --dist loadfile $(PYTEST_ARGS)
@@ -58,5 +63,5 @@ setup:  ## make the virtual environment with all tools, and build the package
 	@echo "ready: source $(VENV)/env.sh"
 
 clean:  ## remove everything that was made, virtual environments included
-	rm -rf build install log site .venv .venv-* .venv*.lock .mypy_cache .pytest_cache .ruff_cache
+	rm -rf build install log site study .venv .venv-* .venv*.lock .mypy_cache .pytest_cache .ruff_cache
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +

@@ -31,7 +31,8 @@ setup(
     install_requires=['numba', 'numpy', 'PyYAML', 'scipy'],
     extras_require={
         'figures': ['matplotlib', 'pillow', 'tqdm'],
-        'test': ['hypothesis', 'matplotlib', 'pillow', 'pytest', 'pytest-xdist', 'tqdm'],
+        'studies': ['matplotlib', 'plotly', 'rosbags', 'tqdm'],
+        'test': ['hypothesis', 'matplotlib', 'pillow', 'plotly', 'pytest', 'pytest-xdist', 'rosbags', 'tqdm'],
     },
     zip_safe=False,  # Numba keeps compiled kernels beside the modules.
     entry_points={
@@ -39,6 +40,7 @@ setup(
             'gait_node = manta_sim_ros.executables:gait_node',
             'monitor_node = manta_sim_ros.executables:monitor_node',
             'paper_figures = manta_sim_ros.executables:paper_figures',
+            'simulate = manta_sim_ros.executables:simulate',
             'sim_node = manta_sim_ros.executables:sim_node',
         ],
     },

@@ -14,6 +14,7 @@ import sys
 from manta_sim_ros.signals import on_ending
 
 NEEDS_ROS = 'ROS 2, which is not installed or not sourced: source its setup file first'
+NEEDS_STUDIES = "the extra 'studies': pip install 'manta_sim_ros[studies]'"
 NEEDS_FIGURES = "the extra 'figures': pip install 'manta_sim_ros[figures]'"
 
 
@@ -36,6 +37,12 @@ def monitor_node() -> None:
 def paper_figures() -> None:
     """Draw the figures of the paper."""
     _run('figures.command', NEEDS_FIGURES, packages=('matplotlib', 'PIL', 'tqdm'), interrupted=130)
+
+
+def simulate() -> None:
+    """Simulate a swim into a bag."""
+    os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
+    _run('studies.simulate', f'{NEEDS_STUDIES}; and {NEEDS_ROS}', packages=('rosbags', 'tqdm'), interrupted=130)
 
 
 def _run(module: str, needs: str, packages: tuple[str, ...] = (), interrupted: int = 0) -> None:

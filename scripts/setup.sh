@@ -236,7 +236,7 @@ setup_script=$root/install/$distribution/local_setup.bash
     echo 'unset CMAKE_PREFIX_PATH COLCON_PREFIX_PATH LD_LIBRARY_PATH PYTHONHOME PYTHONPATH ROS_DISTRO _ROS_WHEELS_BOOTSTRAP_COMPLETE'
     printf 'export AMENT_PREFIX_PATH=%q RMW_IMPLEMENTATION=rmw_fastrtps_cpp\n' "$root/$venv"
   fi
-  printf 'export PATH=%q:"$PATH"\n' "$root/$venv/bin"
+  printf 'export PATH=%q:%q:"$PATH"\n' "$root/install/$distribution/manta_sim_ros/lib/manta_sim_ros" "$root/$venv/bin"
   echo 'export ROS_AUTOMATIC_DISCOVERY_RANGE=${ROS_AUTOMATIC_DISCOVERY_RANGE:-LOCALHOST}'
   printf '[ ! -f %q ] || . %q\n' "$setup_script" "$setup_script"
 } >"$venv/env.sh.new"

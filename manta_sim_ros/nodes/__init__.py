@@ -1,1 +1,1 @@
-"""The ROS 2 nodes: all that imports rclpy is here, and nothing outside of this folder does."""
+"""The ROS 2 nodes: all of them are here, and what they do apart from the middleware, which `studies` uses as well."""

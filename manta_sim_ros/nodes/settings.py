@@ -22,8 +22,8 @@ ROUNDING = 1e-6
 """Tolerance of a number of steps: far above its rounding errors and far below one step."""
 
 
-def whole_steps(duration: float, time_step: float) -> int:
-    """Return the number of time steps [s] in a `step_duration` [s].
+def whole_steps(duration: float, time_step: float, name: str = 'step_duration') -> int:
+    """Return the number of time steps [s] in a duration [s], which has a name in the error.
 
     Raises
     ------
@@ -34,7 +34,7 @@ def whole_steps(duration: float, time_step: float) -> int:
     steps = round(duration / time_step)
     if steps < 1 or abs(steps - duration / time_step) > ROUNDING:
         raise ValueError(
-            f'step_duration is {duration} s, but must be a whole number of time steps, and solver.time_step is '
+            f'{name} is {duration} s, but must be a whole number of time steps, and solver.time_step is '
             f'{time_step} s')
     return steps
 

@@ -74,10 +74,10 @@ def test_every_import_of_the_library_is_of_itself_or_allowed(path):
 @pytest.mark.parametrize('path', sources('manta_sim_ros'))
 def test_the_package_imports_as_its_folders_say(path):
     rooms = {'nodes': [*SHARED, 'manta_sim_ros.nodes'], 'figures': [*SHARED, 'manta_sim_ros.figures'],
-             'dynamics': ['manta_sim_ros.dynamics']}
+             'dynamics': ['manta_sim_ros.dynamics'], 'studies': ['manta_sim_ros']}
     room = path.relative_to(PACKAGE).parts[0]
     names = imported(path)
-    assert room == 'nodes' or not tops(path) & OF_ROS
+    assert room in ('nodes', 'studies') or not tops(path) & OF_ROS
     assert not tops(path) & {'evidence', 'test'}
     for name in names:
         if within(name, ['manta_sim_ros']):

@@ -60,13 +60,13 @@ def test_the_metadata_name_what_the_library_needs_and_the_extras(installed):
     assert metadata['Version'] == manta_sim_ros.__version__
     needed = {line for line in metadata.get_all('Requires-Dist') if 'extra' not in line}
     assert needed == {'numba', 'numpy', 'PyYAML', 'scipy'}  # setuptools is needed to build only
-    assert set(metadata.get_all('Provides-Extra')) == {'figures', 'test'}
+    assert set(metadata.get_all('Provides-Extra')) == {'figures', 'studies', 'test'}
     figures = {line.split(';')[0].strip() for line in metadata.get_all('Requires-Dist') if "'figures'" in
                line.replace('"', "'")}
     assert figures == {'matplotlib', 'pillow', 'tqdm'}
     assert (installed / 'manta_sim_ros' / 'py.typed').is_file()
     assert {path.name for path in (installed / 'bin').iterdir()} >= {
-        'sim_node', 'gait_node', 'monitor_node', 'paper_figures'}
+        'sim_node', 'gait_node', 'monitor_node', 'paper_figures', 'simulate'}
 
 
 def test_the_library_works_without_ros_and_without_setuptools(installed, tmp_path):
@@ -87,6 +87,8 @@ print(manta_sim_ros.__file__, simulator.advance(2.0).position[0])
     ('sim_node', OF_ROS, ['sim_node needs ROS 2', 'source its setup file']),
     ('gait_node', OF_ROS, ['gait_node needs ROS 2']),
     ('monitor_node', OF_ROS, ['monitor_node needs ROS 2']),
+    ('simulate', OF_ROS, ["pip install 'manta_sim_ros[studies]'", 'source its setup file']),
+    ('simulate', ['rosbags'], ['no module rosbags', "pip install 'manta_sim_ros[studies]'"]),
     ('paper_figures', ['matplotlib'], ['no module matplotlib', "pip install 'manta_sim_ros[figures]'"]),
     ('paper_figures', ['PIL'], ['no module PIL', "pip install 'manta_sim_ros[figures]'"]),
     ('paper_figures', ['tqdm'], ['no module tqdm', "pip install 'manta_sim_ros[figures]'"]),
