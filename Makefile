@@ -26,7 +26,7 @@ study:  ## simulate a swim faster than real time, the example of docs/studies.md
 	  --duration 20 --output study/run --fin-joints
 
 test:  ## run all tests on the built package, in two processes
-	@env -u ROS_DOMAIN_ID scripts/setup.sh --dev -- pytest -n 2 --dist loadfile $(PYTEST_ARGS)
+	@env -u ROS_DOMAIN_ID scripts/setup.sh --dev -- scripts/test.sh $(PYTEST_ARGS)
 
 colcon-test:  ## run the tests with colcon test; those that need Pinocchio or MuJoCo are skipped without them
 	@env -u ROS_DOMAIN_ID scripts/setup.sh --test -- scripts/colcon_test.sh -n 2 --dist loadfile $(PYTEST_ARGS)

@@ -15,7 +15,8 @@ from pathlib import Path
 
 LIMIT = 120.0
 """Longest time to wait for anything [s]: the first start compiles for half a minute."""
-RCL_LINE = re.compile(r'^\[[A-Z]+\] \[[0-9.]+\] \[rcl\b')
+LINE_OF_OTHERS = re.compile(r'^\[[A-Z]+\] \[[0-9.]+\] \[rcl\b|^(\x1b\[[0-9;]*m)*\d{4}-\d\d-\d\d .*\[RTPS_')
+"""Of rcl, and of Fast DDS where a process that was killed left a file in /dev/shm."""
 
 
 def command_of(executable):
@@ -76,10 +77,11 @@ class NodeProcess:
         return self.process.wait(LIMIT)
 
     def refusal(self):
-        """Return the lines of a node that ended by itself with an error, without those of rcl."""
+        """Return the lines of a node that ended by itself with an error, without those of rcl and Fast DDS."""
         assert self.exit_status() > 0
+        print(self.output)
         NodeProcess.present.remove(self)
-        return [line for line in self.output.splitlines() if not RCL_LINE.match(line)]
+        return [line for line in self.output.splitlines() if not LINE_OF_OTHERS.match(line)]
 
     def end(self):
         self.send(signal.SIGTERM)

@@ -81,4 +81,4 @@ def test_it_compiles_the_kernels_of_every_configuration(tmp_path):
     configs = sorted((ROOT / 'config').glob('*.yaml'))
     assert len(configs) > 1 and '/share/manta_sim_ros/config/*.yaml' in RECIPE
     for config in configs:
-        subprocess.run([sys.executable, '-c', code, config], cwd=ROOT, check=True, timeout=300)
+        subprocess.run([sys.executable, '-c', code, config], cwd=tmp_path, check=True, timeout=300)
