@@ -234,12 +234,14 @@ def test_what_is_not_to_be_set_stays(held):
 
 
 @pytest.mark.parametrize(('values', 'code', 'words'), [
-    ({'turned': (0.0, 0.0, 0.0, 3.0)}, 101, 'pose.orientation has norm 3, but must be a unit quaternion'),
-    ({'x': 1e7}, 101, 'pose.position.x is 10000000.0, but must be from'),
-    ({'frame': 'map'}, 101, "header.frame_id is 'map', but must be 'odom'"),
-    ({'speed': math.inf}, 4, 'twist.linear.x is inf, but must be from -100 to 100 m/s'),
+    ({'turned': (0.0, 0.0, 0.0, 3.0)}, 'INVALID_POSE', 'pose.orientation has norm 3, but must be a unit quaternion'),
+    ({'x': 1e7}, 'INVALID_POSE', 'pose.position.x is 10000000.0, but must be from'),
+    ({'frame': 'map'}, 'INVALID_POSE', "header.frame_id is 'map', but must be 'odom'"),
+    ({'speed': math.inf}, 'RESULT_OPERATION_FAILED', 'twist.linear.x is inf, but must be from -100 to 100 m/s'),
 ])
 def test_an_invalid_state_is_refused_and_nothing_changes(held, values, code, words):
+    from simulation_interfaces import srv
+    code = getattr(srv.SetEntityState.Response, code, 4)  # INVALID_POSE came with 1.0.1
     before = held.entity_state()
     refused, message = set_to(held, wanted(**values), set_pose=True, set_twist=True)
     assert refused == code and message.startswith(words)
