@@ -8,7 +8,7 @@ from geometry_msgs.msg import Vector3Stamped, WrenchStamped
 from rclpy.node import Node
 
 from manta_sim_ros.nodes import messages
-from manta_sim_ros.nodes.qos import drain, subscription
+from manta_sim_ros.nodes.qos import Input
 from manta_sim_ros.nodes.refusals import Refusals
 from manta_sim_ros.nodes.robot import Robot
 from manta_sim_ros.nodes.settings import Settings
@@ -31,8 +31,8 @@ class Disturbances:
     def __init__(self, node: Node, robot: Robot, settings: Callable[[], Settings]) -> None:
         self._robot, self._settings = robot, settings
         self._topics = (
-            subscription(node, 'current', self._take_current),
-            subscription(node, 'body_wrench', self._take_wrench),
+            Input(node, 'current', self._take_current),
+            Input(node, 'body_wrench', self._take_wrench),
         )
         warn = node.get_logger().warning
         self.refusals = {
@@ -44,7 +44,7 @@ class Disturbances:
     def forget(self) -> None:
         """Let the water flow with `water.current` again, end the wrench, and drop messages that are not taken yet."""
         for topic in self._topics:
-            drain(topic)
+            topic.drain()
         self._robot.set_current(None)
         self._robot.end_external_wrench()
 

@@ -32,7 +32,7 @@ from manta_sim_ros.nodes.leader_clock import FOLLOWS, LeaderClock
 from manta_sim_ros.nodes.outputs import Outputs
 from manta_sim_ros.nodes.parameters import ParameterNode, declare, set_values
 from manta_sim_ros.nodes.process import executor, run_node
-from manta_sim_ros.nodes.qos import drain, publisher, subscription
+from manta_sim_ros.nodes.qos import Input, publisher
 from manta_sim_ros.nodes.refusals import Refusals
 from manta_sim_ros.nodes.robot import Robot
 from manta_sim_ros.nodes.settings import NodeParameters, Settings
@@ -85,8 +85,8 @@ class SimNode(ParameterNode):
         self._outputs = Outputs(
             self, lambda: self._settings, lambda: self._robot.mean_current, lambda: self._leader.followed)
         self._diagnostics = publisher(self, '/diagnostics')
-        self._commands = subscription(self, 'fin_command', self._take_command)
-        self._rod_commands = subscription(self, 'rod_command', self._take_rod_command)
+        self._commands = Input(self, 'fin_command', self._take_command)
+        self._rod_commands = Input(self, 'rod_command', self._take_rod_command)
         self._disturbances = Disturbances(self, self._robot, lambda: self._settings)
         self._time = TimeControl(
             self, self._robot, lambda: self._settings, self._leader, self._outputs.publish_all, self._set_pace,
@@ -192,8 +192,8 @@ class SimNode(ParameterNode):
             self._rod_refusals.add(error)
 
     def _forget_inputs(self) -> None:
-        drain(self._commands)
-        drain(self._rod_commands)
+        self._commands.drain()
+        self._rod_commands.drain()
         self._disturbances.forget()
 
     def _warn_of_step(self) -> None:

@@ -13,7 +13,7 @@ from std_srvs.srv import SetBool, Trigger
 from manta_sim_ros.dynamics import FloatArray, State
 from manta_sim_ros.nodes import messages
 from manta_sim_ros.nodes.leader_clock import FOLLOWS, LeaderClock
-from manta_sim_ros.nodes.qos import drain, subscription
+from manta_sim_ros.nodes.qos import Input
 from manta_sim_ros.nodes.refusals import Refusals
 from manta_sim_ros.nodes.robot import Robot
 from manta_sim_ros.nodes.settings import Settings
@@ -65,7 +65,7 @@ class TimeControl:
         node.create_service(SetBool, '~/pause', self._pause)
         node.create_service(Trigger, '~/step', self._step)
         node.create_service(Trigger, '~/reset', self._reset)
-        self._poses = subscription(node, 'set_pose', self._set_pose)
+        self._poses = Input(node, 'set_pose', self._set_pose)
         warn = node.get_logger().warning
         self.refusals = {
             'set_pose': Refusals(warn, 'set_pose', 'the robot stays where it is'),
@@ -124,7 +124,7 @@ class TimeControl:
 
     def reset(self) -> str:
         """Put the robot at rest where it started, drop what was sent before, and return the time in words."""
-        drain(self._poses)
+        self._poses.drain()
         self._forget_inputs()
         self._show(self._robot.reset())
         return f'at rest where it started, at {self._now}'

@@ -1,6 +1,9 @@
 """Quality of service: reliable by default, best-effort peers are served, parameters override it, misfits are logged."""
 
+import time
+
 import pytest
+from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import Odometry
 from rclpy.qos import QoSProfile, ReliabilityPolicy
@@ -42,6 +45,50 @@ def test_a_best_effort_command_is_taken_where_that_is_asked_for(overridden, prob
     with probe.record(Odometry, '/odd/odom') as odometry:
         probe.until(lambda: odometry and odometry[-1].twist.twist.linear.x, 'motion',
                     doing=lambda: commands.publish(command))
+
+
+@pytest.fixture(scope='module')
+def plain(module_launch, probe):
+    """A node with the quality of service that it has by default, and how many invalid commands it has counted."""
+    node = module_launch('sim_node', '-r __ns:=/plain -r /clock:=/plain/clock -r /diagnostics:=/plain/diagnostics')
+    node.heard = probe.record(DiagnosticArray, '/plain/diagnostics')
+    probe.until(lambda: node.heard, 'diagnostics')
+    return node
+
+
+def counted(node):
+    return [int(value.value) for status in node.heard[-1].status for value in status.values if value.key == 'refused']
+
+
+@pytest.mark.parametrize('reliability', [ReliabilityPolicy.RELIABLE, ReliabilityPolicy.BEST_EFFORT])
+def test_each_command_is_taken_once_at_a_kilohertz_however_it_is_published(plain, probe, reliability):
+    commands = probe.node.create_publisher(
+        Float64MultiArray, '/plain/fin_command', QoSProfile(depth=10, reliability=reliability))
+    probe.until(commands.get_subscription_count, 'the subscription')
+    (before,) = counted(plain)
+    for _ in range(1000):  # they have no value, so that each is counted
+        commands.publish(Float64MultiArray())
+        time.sleep(0.001)
+    probe.until(lambda: counted(plain) >= [before + 1000], 'the count')
+    heard = len(plain.heard)
+    probe.until(lambda: len(plain.heard) > heard + 1, 'later diagnostics')
+    assert counted(plain) == [before + 1000]
+    probe.node.destroy_publisher(commands)
+    assert 'are not heard' not in plain.output
+
+
+def test_best_effort_publishers_are_not_heard_beside_reliable_ones_and_that_is_said(plain, probe):
+    reliable, best_effort = (
+        probe.node.create_publisher(
+            Float64MultiArray, '/plain/fin_command', QoSProfile(depth=10, reliability=reliability))
+        for reliability in (ReliabilityPolicy.RELIABLE, ReliabilityPolicy.BEST_EFFORT))
+    probe.until(lambda: 'best-effort publishers of fin_command are not heard' in plain.output, 'a warning',
+                doing=lambda: best_effort.publish(Float64MultiArray()))
+    probe.node.destroy_publisher(reliable)
+    (before,) = counted(plain)
+    probe.until(lambda: counted(plain) > [before], 'a command',
+                doing=lambda: best_effort.publish(Float64MultiArray()))
+    probe.node.destroy_publisher(best_effort)
 
 
 def test_a_subscriber_that_asks_for_more_is_warned_of(overridden, probe):
