@@ -25,7 +25,8 @@ NEEDED = {
     'robot_state_publisher': ['robot_state_publisher', 'xacro'],
     'record': ['ros2bag', 'rosbag2_storage_mcap'],
 }
-RECORDED = [*TOPICS, 'robot_description', '/tf_static']
+RECORDED = [*TOPICS, 'robot_description']
+SEEDS = ['imu.seed', 'pressure.seed', 'velocity.seed', 'odom_noise.seed']
 
 
 def generate_launch_description():
@@ -77,7 +78,7 @@ def processes(context):
     overrides = {frame: value(frame) for frame in ('odom_frame', 'base_frame') if value(frame)}
     overrides |= {name: number(name, value(name)) for name in ('real_time_factor', 'initial_yaw') if value(name)}
     if value('sensor_seed'):
-        overrides |= dict.fromkeys(['imu.seed', 'pressure.seed'], whole('sensor_seed', value('sensor_seed')))
+        overrides |= dict.fromkeys(SEEDS, whole('sensor_seed', value('sensor_seed')))
     if value('initial_position'):
         overrides['initial_position'] = position(value('initial_position'))
     if value('publish_clock'):

@@ -46,7 +46,7 @@ NORM_TOLERANCE = 1e-9  # measured: 4e-16
 OTHER = ('parameters', 'service calls')  # whose refusals are not counted here
 NOT_FINITE = (math.nan, math.inf, -math.inf)
 HOSTILE = (*NOT_FINITE, 1e308, -1e308)
-IN_FRAME = ('set_pose', 'current', 'body_wrench')
+IN_FRAME = ('set_pose', 'initialpose', 'current', 'body_wrench')
 SLOW = {  # bounds of valid values, so that outputs come all the time and the fuzzer does not wait for long
     'publish_rate': (10.0, 500.0), 'real_time_factor': (0.2, 2.0), 'step_duration': (0.002, 0.2)}
 
@@ -63,10 +63,10 @@ def valid(topic: str, random: random.Random) -> Any:
         message.position = [random.uniform(-0.3, 0.3) for _ in message.name]
     if topic in IN_FRAME:
         message.header.frame_id = 'odom'
-    if topic == 'set_pose':
-        yaw = random.uniform(-4.0, 4.0)
-        message.pose.orientation.z, message.pose.orientation.w = math.sin(yaw), math.cos(yaw)
-        message.pose.position.x = random.uniform(-1e6, 1e6)
+    if topic in ('set_pose', 'initialpose'):
+        pose, half_yaw = message.pose if topic == 'set_pose' else message.pose.pose, random.uniform(-4.0, 4.0)
+        pose.orientation.z, pose.orientation.w = math.sin(half_yaw), math.cos(half_yaw)
+        pose.position.x = random.uniform(-1e6, 1e6)
     if topic == 'current':
         message.vector.x = random.uniform(-10.0, 10.0)
     if topic == 'body_wrench':
@@ -155,7 +155,7 @@ class Target:
             for topic, about in TOPICS.items() if about.direction == 'in'}
         self.recordings = {
             topic: probe.record(message_class(about.type), topic) for topic, about in TOPICS.items()
-            if about.direction == 'out' and topic not in ('/tf', 'fin_markers')}
+            if about.direction == 'out' and topic not in ('/tf', '/tf_static', 'fin_markers')}
         self.clients = {
             name: probe.node.create_client(kind, f'/manta_sim/{name}') for name, kind in (
                 ('pause', SetBool), ('step', Trigger), ('reset', Trigger), ('set_parameters', SetParameters),

@@ -3,7 +3,7 @@
 from manta_sim_ros.dynamics.batch import simulate_batch
 from manta_sim_ros.dynamics.command import REST, SIDES, FinCommand
 from manta_sim_ros.dynamics.load import fin_loads, immersed_shares
-from manta_sim_ros.dynamics.noise import gaussian_noise
+from manta_sim_ros.dynamics.noise import gaussian_noise, random_walk
 from manta_sim_ros.dynamics.parameter_file import read_sections, values_for
 from manta_sim_ros.dynamics.parameters import MONOLITHIC, SEQUENTIAL, Parameters
 from manta_sim_ros.dynamics.quantity import (
@@ -34,6 +34,7 @@ __all__ = [
     'LARGEST_SEED', 'MONOLITHIC', 'REST', 'SEQUENTIAL', 'SIDES', 'DivergenceError', 'FinCommand', 'FloatArray',
     'ModelWarning', 'ParameterGroup', 'Parameters', 'Quantity', 'Simulator', 'StabilityWarning', 'State', 'Vector',
     'body_warning', 'compile_kernels', 'cut', 'fin_dynamics', 'fin_loads', 'fin_surfaces', 'gaussian_noise',
-    'immersed_shares', 'largest_stable_step', 'quantity', 'read_sections', 'rod_rates', 'shown', 'shown_name',
-    'shown_names', 'simulate_batch', 'step_warning', 'support_angles', 'support_rates', 'turn_warning', 'values_for',
+    'immersed_shares', 'largest_stable_step', 'quantity', 'random_walk', 'read_sections', 'rod_rates', 'shown',
+    'shown_name', 'shown_names', 'simulate_batch', 'step_warning', 'support_angles', 'support_rates', 'turn_warning',
+    'values_for',
 ]

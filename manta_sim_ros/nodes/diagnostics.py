@@ -13,7 +13,7 @@ from manta_sim_ros.dynamics import FloatArray
 from manta_sim_ros.nodes.refusals import Refused
 from manta_sim_ros.nodes.transport import cost_of_transport
 
-OTHER_INPUTS = ('rod_command', 'set_pose', 'parameters', 'service calls')
+OTHER_INPUTS = ('rod_command', 'set_pose', 'initialpose', 'parameters', 'service calls')
 """Beside `fin_command` and the disturbances."""
 
 PACE_TOLERANCE = 0.95

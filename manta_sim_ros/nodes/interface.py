@@ -34,6 +34,10 @@ TOPICS = {
     'set_pose': Topic(
         'geometry_msgs/msg/PoseStamped', 'in',
         'puts the robot at rest at this pose, in `odom`; its gait is forgotten'),
+    'initialpose': Topic(
+        'geometry_msgs/msg/PoseWithCovarianceStamped', 'in',
+        'as `set_pose`, but x, y and heading only: the robot keeps its depth and is level; what *2D Pose Estimate* of '
+        'RViz sends, in `odom`; the covariance is not used'),
     'current': Topic(
         'geometry_msgs/msg/Vector3Stamped', 'in',
         'mean velocity of the water in `odom`, until the next message or until `water.current` is set'),
@@ -49,7 +53,8 @@ TOPICS = {
         'velocity of `base_link` relative to `odom`, components in `base_link`'),
     'odom': Topic(
         'nav_msgs/msg/Odometry', 'out',
-        'pose and twist together; this is the ground truth, and all covariances are zero'),
+        'pose and twist together, with the noise `odom_noise` and its covariances; without it, the ground truth with '
+        'covariances of zero'),
     'fin_wrench': Topic(
         'geometry_msgs/msg/WrenchStamped', 'out',
         'force and moment of both fins on the body about its center of mass, in `base_link`'),
@@ -57,11 +62,15 @@ TOPICS = {
     'right_fin/wrench': Topic('geometry_msgs/msg/WrenchStamped', 'out', "the right fin's part of `fin_wrench`"),
     'imu/data': Topic(
         'sensor_msgs/msg/Imu', 'out',
-        'attitude, angular velocity and specific force (+g upward at rest) in `base_link`, with bias and noise; '
-        'REP 145'),
+        'attitude, angular velocity and specific force (+g upward at rest) in `imu.frame`, with bias and noise, at '
+        '`imu.rate`; REP 145'),
     'pressure': Topic(
         'sensor_msgs/msg/FluidPressure', 'out',
         'absolute pressure at the depth below `water.surface_height`, with bias and noise'),
+    'velocity': Topic(
+        'geometry_msgs/msg/TwistWithCovarianceStamped', 'out',
+        'velocity over ground of `base_link`, in `base_link`, as of a Doppler velocity log: with noise and missing '
+        'readings, at `velocity.rate`; the angular part is unknown and has a variance of 1e6'),
     'joint_states': Topic(
         'sensor_msgs/msg/JointState', 'out',
         'angles [rad], rates [rad/s] and, as effort, motor torques [N m] of the four rods; with `publish_fin_joints` '
@@ -72,12 +81,22 @@ TOPICS = {
     '/tf': Topic(
         'tf2_msgs/msg/TFMessage', 'out',
         'transform from `odom` to `base_link`, with `publish_tf` and where tf2_msgs is installed'),
+    '/tf_static': Topic(
+        'tf2_msgs/msg/TFMessage', 'out',
+        'once: transform from `base_link` to `imu.frame` if that is another frame, and with `publish_ned` from `odom` '
+        'to `odom_ned` and from `base_link` to `base_link_frd`; where tf2_msgs is installed'),
+    'pose_ned': Topic(
+        'geometry_msgs/msg/PoseStamped', 'out',
+        'pose of `base_link_frd` (x forward, y right, z down) in `odom_ned` (x north, y east, z down), with '
+        '`publish_ned`'),
+    'odom_ned': Topic(
+        'nav_msgs/msg/Odometry', 'out', '`odom` in `odom_ned` and `base_link_frd`, with `publish_ned`'),
     '/clock': Topic('rosgraph_msgs/msg/Clock', 'out', 'simulated time, with `publish_clock`'),
     '/diagnostics': Topic(
         'diagnostic_msgs/msg/DiagnosticArray', 'out',
         'once a second: pace, commands, disturbances, motion, time step, power and water, in words'),
 }
-"""Names are relative, so that namespaces and remaps work, but for three whose names ROS 2 fixes."""
+"""Names are relative, so that namespaces and remaps work, but for four whose names ROS 2 fixes."""
 
 SERVICES = {
     '~/pause': Service(

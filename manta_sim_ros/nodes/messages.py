@@ -12,8 +12,10 @@ from builtin_interfaces.msg import Time
 from geometry_msgs.msg import (
     Point,
     PoseStamped,
+    PoseWithCovarianceStamped,
     TransformStamped,
     TwistStamped,
+    TwistWithCovarianceStamped,
     Vector3,
     Vector3Stamped,
     WrenchStamped,
@@ -48,6 +50,9 @@ LARGEST_TWIST = 100.0
 """Bound of each component of a twist at which the robot is put [m/s, rad/s]: far above any robot."""
 UNIT_TOLERANCE = 0.01
 """Largest difference of the norm of an orientation from 1: the rounding of typed digits."""
+
+UNKNOWN_VARIANCE = 1e6
+"""Variance of a velocity that is not measured [rad^2/s^2]: filters take the absolute value of one that is negative."""
 
 COMMAND_VALUES = 'amplitude_l, amplitude_r, frequency_l, frequency_r, phase_l, phase_r'
 BIAS_VALUES = 'front_bias_l, front_bias_r, rear_bias_l, rear_bias_r'
@@ -87,12 +92,20 @@ def twist_template(base_frame: str) -> Template:
         TwistStamped(header=Header(frame_id=base_frame)), ('header.stamp',), ('twist',), lambda state: (state.twist,))
 
 
-def odometry_template(odom_frame: str, base_frame: str) -> Template:
-    """Return the template of pose and twist together. It is the ground truth: all covariances are zero."""
+def odometry_template(
+    noise: sensors.OdometryNoise, odom_frame: str, base_frame: str,
+    in_frames: Callable[[sensors.OdometryReading], sensors.OdometryReading] = lambda reading: reading,
+) -> Template:
+    """Return the template of pose and twist together; the covariances are those of the noise.
+
+    `in_frames` returns a reading with the components in other frames than the world frame and the body frame.
+    """
+    message = Odometry(header=Header(frame_id=odom_frame), child_frame_id=base_frame)
+    message.pose.covariance = _covariance_of_six(noise.position**2, noise.orientation**2)
+    message.twist.covariance = _covariance_of_six(noise.linear_velocity**2, noise.angular_velocity**2)
     return Template(
-        Odometry(header=Header(frame_id=odom_frame), child_frame_id=base_frame), ('header.stamp',),
-        ('pose.pose.position', 'pose.pose.orientation', 'twist.twist'),
-        lambda state: (state.position, state.orientation, state.twist))
+        message, ('header.stamp',), ('pose.pose.position', 'pose.pose.orientation', 'twist.twist'),
+        lambda state: in_frames(sensors.read_odometry(noise, state)))
 
 
 def wrench_template(base_frame: str, wrench_of: Callable[[State], FloatArray]) -> Template:
@@ -111,11 +124,11 @@ def transform_template(message_class: type[Any], odom_frame: str, base_frame: st
         lambda state: (state.position, state.orientation))
 
 
-def imu_template(imu: sensors.Imu, parameters: Parameters, base_frame: str) -> Template:
+def imu_template(imu: sensors.Imu, parameters: Parameters, frame: str) -> Template:
     """Return the template of the readings of the IMU, REP 145; the covariances are those of its noise."""
     return Template(
         Imu(
-            header=Header(frame_id=base_frame), orientation_covariance=_covariance(imu.orientation_noise),
+            header=Header(frame_id=frame), orientation_covariance=_covariance(imu.orientation_noise),
             angular_velocity_covariance=_covariance(imu.angular_velocity_noise),
             linear_acceleration_covariance=_covariance(imu.acceleration_noise)),
         ('header.stamp',), ('orientation', 'angular_velocity', 'linear_acceleration'),
@@ -127,6 +140,16 @@ def pressure_template(pressure: sensors.Pressure, parameters: Parameters, base_f
     return Template(
         FluidPressure(header=Header(frame_id=base_frame), variance=pressure.noise * pressure.noise),
         ('header.stamp',), ('fluid_pressure',), lambda state: (sensors.read_pressure(pressure, parameters, state),))
+
+
+def velocity_template(velocity: sensors.Velocity, base_frame: str) -> Template:
+    """Return the template of a velocity (3,) over ground [m/s]: what is written are readings, not states.
+
+    The covariance is that of the noise; the angular velocity is not measured and has `UNKNOWN_VARIANCE`.
+    """
+    message = TwistWithCovarianceStamped(header=Header(frame_id=base_frame))
+    message.twist.covariance = _covariance_of_six(velocity.noise**2, UNKNOWN_VARIANCE)
+    return Template(message, ('header.stamp',), ('twist.twist.linear',), lambda reading: (reading,))
 
 
 ROD_NAMES = [f'{side}_{rod}_rod' for side in SIDES for rod in ('front', 'rear')]
@@ -300,6 +323,25 @@ def twist_of(message: TwistStamped, odom_frame: str, orientation: Sequence[float
     return np.asarray(Rotation.from_quat(orientation).inv().apply(twist)).ravel()
 
 
+def planar_pose_of(
+    message: PoseWithCovarianceStamped, odom_frame: str, height: float,
+) -> tuple[list[float], list[float]]:
+    """Return position [m] and orientation (x, y, z, w) of the level body at x, y and heading of a pose, at a height.
+
+    The heading is that of the forward axis. The covariance is not used.
+
+    Raises
+    ------
+    ValueError
+        As of `pose_of`.
+
+    """
+    (x, y, _), orientation = pose_of(PoseStamped(header=message.header, pose=message.pose.pose), odom_frame)
+    forward = Rotation.from_quat(orientation).apply([1.0, 0.0, 0.0])
+    half = 0.5 * math.atan2(forward[1], forward[0])
+    return [x, y, height], [0.0, 0.0, math.sin(half), math.cos(half)]
+
+
 def current_of(message: Vector3Stamped, odom_frame: str) -> list[float]:
     """Return the velocity (3,) of the water [m/s] in the world frame.
 
@@ -341,6 +383,11 @@ def _checked(name: str, vector: Point | Vector3, largest: float, unit: str) -> l
         if not abs(value) <= largest:  # also refuses nan
             raise ValueError(f'{name}.{axis} is {value}, but must be from {-largest:g} to {largest:g} {unit}')
     return values
+
+
+def _covariance_of_six(linear: float, angular: float) -> FloatArray:
+    """Return a covariance (36,) of six independent values, from the variance of the first three and of the others."""
+    return np.diag(np.repeat((linear, angular), 3)).ravel()
 
 
 def _covariance(deviation: float) -> list[float]:

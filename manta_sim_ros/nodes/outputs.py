@@ -18,7 +18,7 @@ from manta_sim_ros.nodes import messages
 from manta_sim_ros.nodes.interface import TOPICS
 from manta_sim_ros.nodes.qos import QUEUE_DEPTH, publisher
 from manta_sim_ros.nodes.settings import Settings
-from manta_sim_ros.nodes.state_messages import StateMessages
+from manta_sim_ros.nodes.state_messages import TRANSFORMS, StateMessages, optional_topics
 
 PATIENCE = 5.0
 """Longest wait for subscribers that do not take their messages [s]."""
@@ -53,7 +53,8 @@ class Outputs:
     ) -> None:
         self._node, self._settings, self._follows = node, settings, follows
         self._publishers = _publishers(node, settings())
-        transforms, markers = self._publishers.get('/tf'), self._publishers['fin_markers']
+        transforms = self._publishers.get('/tf') or self._publishers.get('/tf_static')
+        markers = self._publishers['fin_markers']
         self._messages = StateMessages(
             settings, mean_current, lambda: markers.get_subscription_count() > 0,
             None if transforms is None else transforms.msg_type)
@@ -64,9 +65,10 @@ class Outputs:
         self._counting_due = -math.inf  # steady time [s]
 
     @property
-    def lacks_transform(self) -> bool:
-        """Whether the transform cannot be published because tf2_msgs is not installed."""
-        return '/tf' not in self._publishers and self._settings().node.publish_tf
+    def lacking(self) -> list[str]:
+        """The topics of transforms that cannot be published because tf2_msgs is not installed."""
+        wanted = optional_topics(self._settings())
+        return [topic for topic in TRANSFORMS if wanted[topic] and topic not in self._publishers]
 
     @property
     def another_clock(self) -> bool:
@@ -145,13 +147,12 @@ class Outputs:
 
 def _publishers(node: Node, settings: Settings) -> dict[str, Publisher[Any]]:
     """Return the publishers of the outputs by topic, without those that are switched off or not possible."""
-    wanted = {'/tf': settings.node.publish_tf, '/clock': settings.node.publish_clock, '/diagnostics': False}
-    publishers = {}
+    wanted, publishers = optional_topics(settings), {}
     for topic, about in TOPICS.items():
         if about.direction == 'out' and wanted.get(topic, True):
             try:
                 publishers[topic] = publisher(node, topic)
             except ModuleNotFoundError:
-                if topic != '/tf':  # tf2_msgs alone is optional
+                if topic not in TRANSFORMS:  # tf2_msgs alone is optional
                     raise
     return publishers

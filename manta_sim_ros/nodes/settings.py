@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from typing import Any
 
 from manta_sim_ros.dynamics import ParameterGroup, Parameters, Quantity, Vector, quantity, shown
-from manta_sim_ros.sensors import Imu, Pressure
+from manta_sim_ros.sensors import BODY_FRAME, Imu, OdometryNoise, Pressure, Velocity
 
 FARTHEST = 1e6
 """Bound of the coordinates of a position [m]: a double resolves a tenth of a nanometer there."""
@@ -37,6 +37,12 @@ def whole_steps(duration: float, time_step: float, name: str = 'step_duration') 
             f'{name} is {duration} s, but must be a whole number of time steps, and solver.time_step is '
             f'{time_step} s')
     return steps
+
+
+def check_frame(name: str, frame: str) -> None:
+    """Raise a ValueError, with the name of the parameter, if tf2 does not accept the name of a frame."""
+    if frame.startswith('/') or frame != ''.join(frame.split()):
+        raise ValueError(f'{name} is {shown(frame)}, but must be a name without a leading / and without spaces')
 
 
 @dataclasses.dataclass(frozen=True)
@@ -99,6 +105,11 @@ class NodeParameters(ParameterGroup):
         True,
         description='publish the transform from odom_frame to base_frame, if tf2_msgs is installed', source='chosen',
     )
+    publish_ned: bool = quantity(
+        False,
+        description='publish pose_ned and odom_ned, north east down, and the static transforms to their frames',
+        source='REP 103',
+    )
     odom_frame: str = quantity(
         'odom',
         description='name of the world frame', source='REP 105',
@@ -109,6 +120,16 @@ class NodeParameters(ParameterGroup):
     )
 
     @property
+    def odom_frame_ned(self) -> str:
+        """Name of the world frame with the axes north, east and down."""
+        return f'{self.odom_frame}_ned'
+
+    @property
+    def base_frame_frd(self) -> str:
+        """Name of the body frame with the axes forward, right and down."""
+        return f'{self.base_frame}_frd'
+
+    @property
     def pace(self) -> float:
         """Outputs per elapsed second [1/s]; 0 means as many as possible."""
         return self.publish_rate * self.real_time_factor
@@ -117,9 +138,7 @@ class NodeParameters(ParameterGroup):
         """Check each field, then that the frames have different names that tf2 accepts."""
         super().__post_init__()
         for name in ('odom_frame', 'base_frame'):
-            frame = getattr(self, name)
-            if frame.startswith('/') or frame != ''.join(frame.split()):
-                raise ValueError(f'{name} is {shown(frame)}, but must be a name without a leading / and without spaces')
+            check_frame(name, getattr(self, name))
         if self.odom_frame == self.base_frame:
             raise ValueError(f'base_frame is {shown(self.base_frame)}, but must differ from odom_frame')
 
@@ -131,17 +150,21 @@ class Settings:
     Raises
     ------
     ValueError
-        The publish rate asks for more than one output a time step, or for an output that takes too long.
+        The publish rate asks for more than one output a time step, or for an output that takes too long, or the frame
+        of the IMU has the name of another one.
 
     """
 
     model: Parameters = Parameters()
     imu: Imu = Imu()
     pressure: Pressure = Pressure()
+    velocity: Velocity = Velocity()
+    odom_noise: OdometryNoise = OdometryNoise()
     node: NodeParameters = NodeParameters()
 
     def __post_init__(self) -> None:
-        """Check what concerns model and node."""
+        """Check what concerns model, sensors and node."""
+        self._check_imu_frame()
         fin, time_step = self.model.fin, self.model.solver.time_step
         highest = 1.0 / time_step
         if self.node.publish_rate > highest * (1.0 + HIGHEST_RATE_TOLERANCE):
@@ -156,11 +179,29 @@ class Settings:
                 'solver.time_step and these fin.chains and fin.links: during one output, nobody else is heard'
             )
 
+    @property
+    def imu_frame(self) -> str:
+        """Name of the frame of the IMU."""
+        return self.node.base_frame if self.imu.frame == BODY_FRAME else self.imu.frame
+
+    def _check_imu_frame(self) -> None:
+        own, frame = self.node, self.imu_frame
+        check_frame('imu.frame', frame)
+        for name, other in (('odom_frame', own.odom_frame), ('the NED frame', own.odom_frame_ned),
+                            ('the FRD frame', own.base_frame_frd)):
+            if frame == other:
+                raise ValueError(f'imu.frame is {shown(frame)}, but must differ from {name}')
+        if frame == own.base_frame and self.imu.is_displaced:
+            raise ValueError(
+                f'imu.frame is {shown(self.imu.frame)}, but must be the name of another frame than the body frame with '
+                'these imu.position and imu.orientation')
+
     @classmethod
     def quantities(cls) -> dict[str, Quantity]:
         """Return what is known about each parameter by its full name, such as `fin.span` or `publish_rate`."""
         groups: dict[str, type[ParameterGroup]] = {
-            **Parameters.groups(), 'imu': Imu, 'pressure': Pressure, '': NodeParameters}
+            **Parameters.groups(), 'imu': Imu, 'pressure': Pressure, 'velocity': Velocity, 'odom_noise': OdometryNoise,
+            '': NodeParameters}
         return {
             f'{group}.{name}' if group else name: about for group, kind in groups.items()
             for name, about in kind.quantities().items()}

@@ -98,9 +98,10 @@ class SimNode(ParameterNode):
 
     def start(self) -> None:
         """Compile or load the kernels, and begin to simulate."""
-        if self._outputs.lacks_transform:
+        if self._outputs.lacking:
+            cure = ', or set publish_tf to false' if self._outputs.lacking == ['/tf'] else ''
             self.get_logger().info(
-                'no transform is published, as tf2_msgs is not installed: install it, or set publish_tf to false')
+                f'no transform is published, as tf2_msgs is not installed: install it{cure}')
         if not self._offers_standard_services:
             self.get_logger().info(
                 'the standard services of simulators are not offered, as simulation_interfaces is not installed')

@@ -8,8 +8,10 @@ from typing import Any
 
 from builtin_interfaces.msg import Time
 
+from manta_sim_ros import sensors
 from manta_sim_ros.dynamics import State
 from manta_sim_ros.nodes import messages
+from manta_sim_ros.nodes.frames import ned_templates, static_transforms
 from manta_sim_ros.nodes.markers import Markers
 from manta_sim_ros.nodes.settings import Settings
 
@@ -17,6 +19,18 @@ PATH_LENGTH = 20.0
 """Length of the path in the markers [m]: some minutes of swimming."""
 
 ROUNDING = 1e-6  # tolerance of a number of periods: far above the rounding of a time and far below a time step
+
+
+TRANSFORMS = ('/tf', '/tf_static')
+"""Topics whose messages are of tf2_msgs."""
+
+
+def optional_topics(settings: Settings) -> dict[str, bool]:
+    """Return which topics the parameters ask for, of those that are not the messages of every state."""
+    own = settings.node
+    return {
+        '/tf': own.publish_tf, '/tf_static': bool(static_transforms(settings)), 'pose_ned': own.publish_ned,
+        'odom_ned': own.publish_ned, '/clock': own.publish_clock, '/diagnostics': False}
 
 
 class StateMessages:
@@ -31,7 +45,7 @@ class StateMessages:
     shows_markers
         Returns whether somebody looks at the markers, which take long to make.
     transform_class
-        The class of a tf2_msgs/msg/TFMessage; None leaves /tf out.
+        The class of a tf2_msgs/msg/TFMessage; None leaves /tf and /tf_static out.
 
     """
 
@@ -57,33 +71,41 @@ class StateMessages:
     def of(self, state: State, stamp: Time) -> list[tuple[str, Any]]:
         """Return topics and messages of the next state that are due, /clock last; a publisher takes each message."""
         self._update_templates()
-        own = self._settings().node
         due = [(topic, template.write(stamp, state)) for topic, template in self._every_time.items()]
+        if self._before is None and self._transform_class is not None:
+            transforms = static_transforms(self._settings())
+            for transform in transforms:
+                transform.header.stamp = stamp
+            due += [('/tf_static', self._transform_class(transforms=transforms))] if transforms else []
         if self._transform is not None and stamp != self._transformed_at:
             due.append(('/tf', self._transform.write(stamp, state)))
             self._transformed_at = stamp
         if self._was_put(state):
             self._markers.forget()
-        if self._due(state, own.joint_state_rate):
-            due.append(('joint_states', self._joints.write(stamp, state)))
-        if self._due(state, own.marker_rate):
-            if self._shows_markers():
-                due.append(('fin_markers', self._marker_message(state, stamp)))
-            else:
-                self._markers.forget()
+        for topic, (rate, message_of) in self._rated.items():
+            if self._due(state, rate) and (message := message_of(stamp, state)) is not None:
+                due.append((topic, message))
         self._before, self._stamp = state, stamp
         return [*due, ('/clock', self._clock.write(stamp, state))]
 
     def again(self, topic: str) -> Any | None:
         """Return the message of the last state on a topic that has a rate of its own; None for the other topics."""
-        if self._before is None:
-            return None
         self._update_templates()
-        if topic == 'joint_states':
-            return self._joints.write(self._stamp, self._before)
-        return self._marker_message(self._before, self._stamp) if topic == 'fin_markers' else None
+        if self._before is None or topic not in self._rated:
+            return None
+        _, message_of = self._rated[topic]
+        return message_of(self._stamp, self._before)
 
-    def _marker_message(self, state: State, stamp: Time) -> Any:
+    def _velocity_message(self, stamp: Time, state: State) -> Any | None:
+        """Return the message of a reading, None if that is missing."""
+        reading = sensors.read_velocity(self._settings().velocity, state)
+        return None if reading is None else self._velocity.write(stamp, reading)
+
+    def _marker_message(self, stamp: Time, state: State) -> Any | None:
+        """Return the markers, None if nobody looks at them."""
+        if not self._shows_markers():
+            self._markers.forget()
+            return None
         settings = self._settings()
         return self._markers.write(
             state, settings.model, stamp, settings.node.base_frame, settings.node.odom_frame, self._mean_current())
@@ -93,21 +115,33 @@ class StateMessages:
         settings = self._settings()
         if settings is self._templates_for:
             return
-        model, odom, base = settings.model, settings.node.odom_frame, settings.node.base_frame
+        own, model, imu, noise = settings.node, settings.model, settings.imu, settings.odom_noise
+        odom, base = own.odom_frame, own.base_frame
         self._templates_for = settings
         self._every_time = {
             'pose': messages.pose_template(odom),
             'twist': messages.twist_template(base),
-            'odom': messages.odometry_template(odom, base),
+            'odom': messages.odometry_template(noise, odom, base),
             'fin_wrench': messages.wrench_template(base, lambda state: state.wrench),
             'left_fin/wrench': messages.wrench_template(base, lambda state: state.fin_wrenches[0]),
             'right_fin/wrench': messages.wrench_template(base, lambda state: state.fin_wrenches[1]),
-            'imu/data': messages.imu_template(settings.imu, model, base),
+            'imu/data': messages.imu_template(imu, model, settings.imu_frame),
             'pressure': messages.pressure_template(settings.pressure, model, base),
         }
         self._transform = (
-            None if self._transform_class is None else messages.transform_template(self._transform_class, odom, base))
-        self._joints = messages.joint_state_template(model, settings.node.publish_fin_joints, base)
+            messages.transform_template(self._transform_class, odom, base)
+            if self._transform_class is not None and own.publish_tf else None)
+        if own.publish_ned:
+            self._every_time |= ned_templates(noise, own.odom_frame_ned, own.base_frame_frd)
+        self._velocity = messages.velocity_template(settings.velocity, base)
+        joints = messages.joint_state_template(model, own.publish_fin_joints, base)
+        self._rated: dict[str, tuple[float, Callable[[Time, State], Any]]] = {
+            'velocity': (settings.velocity.rate, self._velocity_message),
+            'joint_states': (own.joint_state_rate, joints.write),
+            'fin_markers': (own.marker_rate, self._marker_message),
+        }
+        if imu.rate > 0.0:
+            self._rated['imu/data'] = imu.rate, self._every_time.pop('imu/data').write
 
     def _was_put(self, state: State) -> bool:
         """Whether the robot was put at a pose since the last state: its steps are counted again, or no time passed."""

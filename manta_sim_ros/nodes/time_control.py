@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import TypeVar
 
-from geometry_msgs.msg import PoseStamped
+from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped
 from rclpy.node import Node
 from std_srvs.srv import SetBool, Trigger
 
@@ -34,7 +34,7 @@ def _within(duration: float, states: Iterable[State]) -> Iterator[State]:
 
 
 class TimeControl:
-    """Simulated time and where the robot is: `~/pause`, `~/step`, `~/reset`, `set_pose`, and what they do.
+    """Simulated time and where the robot is: `~/pause`, `~/step`, `~/reset`, `set_pose`, `initialpose`.
 
     Parameters
     ----------
@@ -65,12 +65,13 @@ class TimeControl:
         node.create_service(SetBool, '~/pause', self._pause)
         node.create_service(Trigger, '~/step', self._step)
         node.create_service(Trigger, '~/reset', self._reset)
-        self._poses = Input(node, 'set_pose', self._set_pose)
+        self._poses = (
+            Input(node, 'set_pose', self._set_pose), Input(node, 'initialpose', self._set_planar_pose))
         warn = node.get_logger().warning
         self.refusals = {
-            'set_pose': Refusals(warn, 'set_pose', 'the robot stays where it is'),
+            **{topic: Refusals(warn, topic, 'the robot stays where it is') for topic in ('set_pose', 'initialpose')},
             'service calls': Refusals(warn, 'service calls', 'nothing changes')}
-        """The refused messages of `set_pose`, and the refused calls of services."""
+        """The refused messages of `set_pose` and `initialpose`, and the refused calls of services."""
 
     @property
     def paused(self) -> bool:
@@ -124,7 +125,8 @@ class TimeControl:
 
     def reset(self) -> str:
         """Put the robot at rest where it started, drop what was sent before, and return the time in words."""
-        self._poses.drain()
+        for topic in self._poses:
+            topic.drain()
         self._forget_inputs()
         self._show(self._robot.reset())
         return f'at rest where it started, at {self._now}'
@@ -157,6 +159,13 @@ class TimeControl:
             self.put(*messages.pose_of(message, self._settings().node.odom_frame))
         except ValueError as error:
             self.refusals['set_pose'].add(error)
+
+    def _set_planar_pose(self, message: PoseWithCovarianceStamped) -> None:
+        height = float(self._robot.state.position[2])
+        try:
+            self.put(*messages.planar_pose_of(message, self._settings().node.odom_frame, height))
+        except ValueError as error:
+            self.refusals['initialpose'].add(error)
 
     def _show(self, state: State) -> None:
         if self.paused or self._leader.stands_still:  # else no output would show it before the next step

@@ -25,7 +25,7 @@ from manta_sim_ros.nodes.interface import TOPICS
 from manta_sim_ros.nodes.qos import QUEUE_DEPTH, VOLATILE, message_class
 from manta_sim_ros.nodes.robot import Robot
 from manta_sim_ros.nodes.settings import Settings, whole_steps
-from manta_sim_ros.nodes.state_messages import StateMessages
+from manta_sim_ros.nodes.state_messages import TRANSFORMS, StateMessages, optional_topics
 from manta_sim_ros.signals import ENDING, on_ending
 from manta_sim_ros.studies.arguments import Parser, read_settings
 from manta_sim_ros.studies.bag import BagWriter, check_new
@@ -85,10 +85,10 @@ def simulate(
     check_new(path)
     robot = Robot(settings, _warn, _warn)
     due = deque(command for command in commands if command.time < duration)
-    transform_class = _transform_class() if settings.node.publish_tf else None
+    transform_class = _transform_class()
     outputs = StateMessages(lambda: settings, lambda: robot.mean_current, lambda: markers, transform_class)
-    left_out = {'/diagnostics'} | {topic for topic, is_there in (
-        ('/tf', transform_class), ('/clock', settings.node.publish_clock), ('fin_markers', markers)) if not is_there}
+    left_out = {topic for topic, is_there in [*optional_topics(settings).items(), ('fin_markers', markers)]
+                if not is_there or topic in TRANSFORMS and transform_class is None}
     recorded = [topic for topic, about in TOPICS.items() if about.direction == 'out' and topic not in left_out]
     with BagWriter(path, settings) as bag:
         def write(topic: str, stamp: Time, message: Any) -> None:

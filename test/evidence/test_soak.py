@@ -22,6 +22,7 @@ TAKEN = {
     'fin_command': lambda message: messages.fin_commands(message.data),
     'rod_command': lambda message: messages.rod_command(message, np.zeros((2, 2))),
     'set_pose': lambda message: messages.pose_of(message, 'odom'),
+    'initialpose': lambda message: messages.planar_pose_of(message, 'odom', 0.0),
     'current': lambda message: messages.current_of(message, 'odom'),
     'body_wrench': lambda message: messages.wrench_of(message, 'base_link', 'odom')}
 

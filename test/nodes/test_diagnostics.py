@@ -18,7 +18,8 @@ from manta_sim_ros.nodes.refusals import Refused
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
 SWIM = [0.7, 0.7, 0.6, 0.6, 0.7, 0.7]
 NONE = Refused(0, 0, '')
-INPUTS = ('fin_command', 'rod_command', 'set_pose', 'parameters', 'service calls', 'current', 'body_wrench')
+INPUTS = (
+    'fin_command', 'rod_command', 'set_pose', 'initialpose', 'parameters', 'service calls', 'current', 'body_wrench')
 WELL = Health(
     time=12.5, paused=False, follows=False, clock_trouble='', wanted_factor=1.0, reached_factor=1.0, computing=2.7e-5,
     commanding_topic='fin_command', held=NONE, command_age=0.1, timed_out=False, abandoned=False,
@@ -47,8 +48,8 @@ def test_a_robot_that_is_well_is_ok_in_everything():
     assert values == {
         'simulated time [s]': '12.500', 'real-time factor': '1', 'real-time factor asked for': '1',
         'computing time of a step [us]': '27', 'age of the last fin_command [s]': '0.1', 'refused': '0',
-        'rod_command refused': '0', 'rod_command held': '0', 'set_pose refused': '0', 'parameters refused': '0',
-        'service calls refused': '0',
+        'rod_command refused': '0', 'rod_command held': '0', 'set_pose refused': '0', 'initialpose refused': '0',
+        'parameters refused': '0', 'service calls refused': '0',
         'current [m/s]': '0 0 0', 'body_wrench acts': 'false', 'disturbances refused': '0',
         'finite': 'true', 'solver.time_step [s]': '0.002', 'largest stable [s]': '0.0049',
         'mean power of the rods [W]': '6.5', 'mean forward speed [m/s]': '0.33', 'cost of transport': '0.1',
@@ -80,6 +81,7 @@ def test_what_is_not_known_is_a_dash():
     (refused('fin_command', 9), 'commands', OK, 'the last fin_command came 0.1 s ago'),
     (refused('set_pose', 2, 2, 'pose.orientation has norm 0'), 'commands', WARN,
      '2 set_pose refused just now: pose.orientation has norm 0'),
+    (refused('initialpose', 1, 1, 'header'), 'commands', WARN, '1 initialpose refused just now: header'),
     (refused('parameters', 2, 1, 'fin.span is 0'), 'commands', WARN, '1 parameters refused just now: fin.span is 0'),
     (refused('service calls', 2, 1, 'not paused'), 'commands', WARN, '1 service calls refused just now: not paused'),
     (refused('rod_command', 2, 1, 'no name'), 'commands', WARN, '1 rod_command refused just now: no name'),

@@ -16,7 +16,7 @@ OF_ANY_NODE = {'use_sim_time', 'start_type_description_service'}
 
 @pytest.fixture(scope='module')
 def ask(module_launch, probe):
-    module_launch('sim_node')
+    module_launch('sim_node', '-p publish_ned:=true')
     with probe.record(Clock, '/clock') as clock:
         probe.until(lambda: clock, 'the clock')
     return lambda service_type, name, **request: probe.call(service_type, f'/manta_sim/{name}', **request)
@@ -48,12 +48,13 @@ def bounds(descriptor):
 
 def test_the_topics_are_those_of_the_running_node(ask, probe):
     live = {
-        name if name in ('/tf', '/clock', '/diagnostics') else name.removeprefix('/'): (kind, direction)
+        name if name in ('/tf', '/tf_static', '/clock', '/diagnostics') else name.removeprefix('/'): (kind, direction)
         for direction, topics in zip(('in', 'out'), probe.topics_of('manta_sim')) for name, kind in topics.items()
     }
     listed = {name: (topic.type, topic.direction) for name, topic in TOPICS.items()}
     if importlib.util.find_spec('tf2_msgs') is None:
-        assert listed.pop('/tf') == ('tf2_msgs/msg/TFMessage', 'out')
+        for topic in ('/tf', '/tf_static'):
+            assert listed.pop(topic) == ('tf2_msgs/msg/TFMessage', 'out')
     assert listed == live
     assert all(topic.meaning for topic in TOPICS.values())
 
@@ -74,7 +75,7 @@ def test_the_services_are_those_of_the_running_node(ask, probe):
 
 
 def test_the_parameters_are_those_of_the_running_node(live_parameters):
-    settings = Settings()
+    settings = Settings().replace([('publish_ned', True)])
     assert live_parameters == {
         name: (
             settings.value(name), (about.low, about.high) if about.kind in (int, float, tuple) else None, about.live,

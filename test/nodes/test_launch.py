@@ -200,7 +200,7 @@ def test_a_recording_is_of_all_topics_in_the_namespace_stamped_with_simulated_ti
     assert options == ['mcap', 'mine', 'rosbag2_recorder_m1']
     topics = bag.words[bag.words.index('--topics') + 1:]
     assert set(topics) == {topic if topic.startswith('/') else f'/m1/{topic}'
-                           for topic in [*TOPICS, 'robot_description', '/tf_static']}
+                           for topic in [*TOPICS, 'robot_description']}
 
 
 @needs_launch

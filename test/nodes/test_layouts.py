@@ -18,6 +18,8 @@ RVIZ_TYPES = {
     'RobotModel': 'std_msgs/msg/String', 'MarkerArray': 'visualization_msgs/msg/MarkerArray',
     'Odometry': 'nav_msgs/msg/Odometry', 'Wrench': 'geometry_msgs/msg/WrenchStamped',
 }
+RVIZ_TOOLS = {
+    'SetGoal': 'geometry_msgs/msg/PoseStamped', 'SetInitialPose': 'geometry_msgs/msg/PoseWithCovarianceStamped'}
 FOXGLOVE_3D_TYPES = {'std_msgs/msg/String', 'visualization_msgs/msg/MarkerArray'}  # URDF and markers
 ROLL_PITCH_YAW = {'roll', 'pitch', 'yaw'}  # PlotJuggler's, beside the parts of a quaternion
 
@@ -74,8 +76,7 @@ def test_every_topic_in_rviz_is_one_of_the_robots_with_its_type(name, namespaces
     for kind, topic, _ in displays(rviz(name)):
         if topic:
             namespace = re.match('/manta_./|', topic)[0]
-            where, wanted = (taken, 'geometry_msgs/msg/PoseStamped') if kind == 'SetGoal' else (
-                published, RVIZ_TYPES[kind])
+            where, wanted = (taken, RVIZ_TOOLS[kind]) if kind in RVIZ_TOOLS else (published, RVIZ_TYPES[kind])
             assert where['/' + topic.removeprefix(namespace)] == wanted
             seen.add(namespace)
     assert seen == namespaces  # a relative topic follows the namespace that RViz is started in

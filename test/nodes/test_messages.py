@@ -7,7 +7,15 @@ import math
 import numpy as np
 import pytest
 from builtin_interfaces.msg import Time
-from geometry_msgs.msg import PoseStamped, TwistStamped, Vector3, Vector3Stamped, Wrench, WrenchStamped
+from geometry_msgs.msg import (
+    PoseStamped,
+    PoseWithCovarianceStamped,
+    TwistStamped,
+    Vector3,
+    Vector3Stamped,
+    Wrench,
+    WrenchStamped,
+)
 from nav_msgs.msg import Odometry
 from rclpy.serialization import serialize_message
 from rosgraph_msgs.msg import Clock
@@ -18,7 +26,7 @@ from std_msgs.msg import Float64MultiArray, MultiArrayDimension, MultiArrayLayou
 from evidence.scenarios import SWIM, TURN, sized
 from manta_sim_ros.dynamics import FinCommand, Parameters, Simulator, State, fin_surfaces
 from manta_sim_ros.nodes import messages, serialization
-from manta_sim_ros.sensors import Imu, Pressure, read_imu, read_pressure
+from manta_sim_ros.sensors import Imu, OdometryNoise, Pressure, Velocity, read_imu, read_pressure
 
 STAMP = Time(sec=3, nanosec=20_000_000)
 SIX = [0.1, 0.2, 0.3, 0.4, 0.5, 0.6]
@@ -81,11 +89,28 @@ def test_the_twist_is_in_the_body_frame(state):
 def test_odometry_joins_pose_and_twist_and_has_no_uncertainty(state):
     pose = messages.pose_template('world').message(STAMP, state)
     twist = messages.twist_template('body').message(STAMP, state)
-    message = messages.odometry_template('world', 'body').message(STAMP, state)
+    message = messages.odometry_template(OdometryNoise(), 'world', 'body').message(STAMP, state)
     assert isinstance(message, Odometry)
     assert (message.header.stamp, message.header.frame_id, message.child_frame_id) == (STAMP, 'world', 'body')
     assert (message.pose.pose, message.twist.twist) == (pose.pose, twist.twist)
     assert not np.any(message.pose.covariance) and not np.any(message.twist.covariance)
+
+
+def test_the_covariances_of_the_odometry_are_those_of_its_noise(state):
+    noise = OdometryNoise(position=0.1, orientation=0.2, linear_velocity=0.3, angular_velocity=0.4)
+    message = messages.odometry_template(noise, 'world', 'body').message(STAMP, state)
+    for covariance, (linear, angular) in (
+            (message.pose.covariance, (0.1, 0.2)), (message.twist.covariance, (0.3, 0.4))):
+        np.testing.assert_array_equal(
+            np.reshape(covariance, (6, 6)), np.diag([linear**2] * 3 + [angular**2] * 3))
+
+
+def test_a_velocity_says_that_the_angular_part_is_unknown():
+    message = messages.velocity_template(Velocity(noise=0.5), 'body').message(STAMP, np.array([1.0, 2.0, 3.0]))
+    assert (message.header.stamp, message.header.frame_id) == (STAMP, 'body')
+    assert xyz(message.twist.twist.linear) == [1.0, 2.0, 3.0] and xyz(message.twist.twist.angular) == [0.0] * 3
+    np.testing.assert_array_equal(
+        np.reshape(message.twist.covariance, (6, 6)), np.diag([0.25] * 3 + [1e6] * 3))
 
 
 def test_a_wrench_is_a_force_then_a_moment():
@@ -339,3 +364,30 @@ def test_an_endless_frame_is_refused_in_a_short_line():
     with pytest.raises(ValueError) as refusal:
         messages.current_of(current(0.1, 0.0, 0.0, frame='x' * 8_000_000), 'world')
     assert len(str(refusal.value)) < 400 and "must be 'world'" in str(refusal.value)
+
+
+def estimate(orientation, position=(1.0, 2.0, 3.0), frame='world'):
+    message = PoseWithCovarianceStamped(header=messages.header(STAMP, frame))
+    pose = message.pose.pose
+    pose.position.x, pose.position.y, pose.position.z = position
+    pose.orientation.x, pose.orientation.y, pose.orientation.z, pose.orientation.w = orientation
+    return message
+
+
+@pytest.mark.parametrize('yaw', [-3.0, -0.5, 0.0, 1.0, 3.0])
+@pytest.mark.parametrize('tilt', [(0.0, 0.0), (1.0, 0.5), (3.0, -1.5)])
+def test_a_planar_pose_has_the_heading_and_no_other_angle(yaw, tilt):
+    given = Rotation.from_euler('ZYX', [yaw, tilt[1], tilt[0]]).as_quat()
+    position, orientation = messages.planar_pose_of(estimate(given), 'world', -7.0)
+    assert position == [1.0, 2.0, -7.0]
+    np.testing.assert_allclose(orientation, Rotation.from_euler('z', yaw).as_quat(), rtol=0.0, atol=1e-14)
+
+
+@pytest.mark.parametrize(('message', 'words'), [
+    (estimate((0.0, 0.0, 0.0, 1.0), frame='map'), "header.frame_id is 'map', but must be 'world'"),
+    (estimate((0.0, 0.0, 0.0, 2.0)), 'pose.orientation has norm 2'),
+    (estimate((0.0, 0.0, 0.0, 1.0), position=(math.inf, 0.0, 0.0)), 'pose.position.x is inf'),
+])
+def test_an_invalid_planar_pose_is_refused_as_a_pose_is(message, words):
+    with pytest.raises(ValueError, match=words):
+        messages.planar_pose_of(message, 'world', 0.0)

@@ -32,9 +32,13 @@ NAMES = {
     'fin': 'chains links span thickness youngs_modulus joint_damping drag_coefficient density '
            'shear_modulus twist_damping',
     'solver': 'time_step fixed_base coupling',
-    'imu': 'acceleration_noise acceleration_bias angular_velocity_noise angular_velocity_bias orientation_noise seed',
+    'imu': 'rate frame position orientation acceleration_noise acceleration_bias acceleration_bias_walk '
+           'angular_velocity_noise angular_velocity_bias angular_velocity_bias_walk orientation_noise seed',
+    'velocity': 'rate noise dropout seed',
+    'odom_noise': 'position orientation linear_velocity angular_velocity seed',
     'pressure': 'noise bias atmospheric water_density seed',
     '': 'initial_position initial_yaw body_wrench_lifetime joint_state_rate publish_fin_joints marker_rate publish_tf '
+        'publish_ned '
         'publish_rate real_time_factor publish_clock start_paused step_duration command_timeout odom_frame base_frame',
 }
 ALL = {f'{group}.{name}'.lstrip('.') for group, names in NAMES.items() for name in names.split()}
@@ -67,6 +71,11 @@ INVALID_STARTS = {  # ROS arguments, and what the one line must say
     'equal frames': ('-p odom_frame:=base_link', ['base_frame', 'base_link', 'differ', 'odom_frame']),
     'empty frame': ('-p "odom_frame:=\'\'"', ['odom_frame', "''", 'not empty']),
     'frame with a slash': ('-p base_frame:=/base_link', ['base_frame', '/base_link', 'without']),
+    'mounted IMU in the body frame': (
+        '-p imu.position:=[0.1,0.0,0.0]', ['imu.frame', 'base_frame', 'another frame', 'imu.position']),
+    'IMU in the world frame': ('-p imu.frame:=odom', ['imu.frame', "'odom'", 'differ', 'odom_frame']),
+    'IMU frame with a space': ('-p "imu.frame:=my imu"', ['imu.frame', 'my imu', 'without spaces']),
+    'no probability': ('-p velocity.dropout:=1.5', ['velocity.dropout', '1.5', 'from 0 to 1']),
     'no such file': ('--params-file /nowhere/manta.yaml', ['/nowhere/manta.yaml']),
     'broken file': ('--params-file {broken}', ['broken.yaml']),
 }

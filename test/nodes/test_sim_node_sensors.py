@@ -4,12 +4,15 @@ import dataclasses
 
 import numpy as np
 import pytest
+from geometry_msgs.msg import PoseStamped, TwistWithCovarianceStamped
+from nav_msgs.msg import Odometry
 from sensor_msgs.msg import FluidPressure, Imu, JointState
 
 from evidence.harness.lockstep import LockstepRobot
 from manta_sim_ros import sensors
-from manta_sim_ros.dynamics import FinCommand, Parameters, Simulator
+from manta_sim_ros.dynamics import FinCommand, Parameters, Simulator, State
 from manta_sim_ros.nodes.messages import joint_names
+from manta_sim_ros.nodes.settings import Settings
 
 SWIM = [0.7, 0.4, 0.6, 0.8, 0.7, 0.3]
 PARAMETERS = Parameters()
@@ -133,3 +136,80 @@ def test_the_truth_has_no_noise(robot):
     for stamp, message in latest(robot.odometry, 20).items():
         assert xyz(message.twist.twist.linear) == states[stamp].twist[:3].tolist()
         assert not any(message.pose.covariance) and not any(message.twist.covariance)
+
+
+EQUIPPED = {
+    'imu.rate': 20.0, 'imu.frame': 'imu_link', 'imu.position': [0.1, -0.2, 0.05], 'imu.orientation': [0.1, 0.2, 3.0],
+    'imu.acceleration_bias_walk': 0.1, 'imu.angular_velocity_bias_walk': 0.01, 'imu.seed': 7,
+    'velocity.rate': 10.0, 'velocity.dropout': 0.4, 'velocity.seed': 8,
+    'odom_noise.position': 0.1, 'odom_noise.orientation': 0.02, 'odom_noise.linear_velocity': 0.05,
+    'odom_noise.angular_velocity': 0.01, 'odom_noise.seed': 9, 'publish_ned': True,
+}
+
+
+@pytest.fixture(scope='module')
+def equipped(module_launch, probe):
+    """The messages of a robot that swam for two seconds by topic and time, and the states of its twin by time."""
+    arguments = ' '.join(f'-p {name}:={str(value).replace(" ", "").lower()}' for name, value in EQUIPPED.items())
+    robot = LockstepRobot(module_launch, probe, 'equipped', f'-p start_paused:=true -p step_duration:=2.0 {arguments}')
+    heard = {topic: probe.record(kind, f'/equipped/{topic}') for topic, kind in (
+        ('imu/data', Imu), ('velocity', TwistWithCovarianceStamped), ('pose', PoseStamped), ('odom', Odometry),
+        ('pose_ned', PoseStamped), ('odom_ned', Odometry))}
+    probe.until(lambda: all(heard[topic] for topic in heard if topic != 'velocity'), 'the state at the start')
+    assert robot.trigger('reset').success
+    robot.command(SWIM)
+    began, end = robot.now(), robot.step()
+    twin = Simulator(PARAMETERS, state=dataclasses.replace(State.at_rest(PARAMETERS), time=began * 1e-9))
+    twin.command(left=FinCommand(*SWIM[::2]), right=FinCommand(*SWIM[1::2]))
+    states = {began + 10_000_000 * tick: twin.advance(0.01) for tick in range(1, 201)}
+    probe.until(lambda: all(
+        recording.stamps[-1:] == [end] for topic, recording in heard.items() if topic != 'velocity'), 'the outputs')
+    return {topic: {stamp: message for stamp, message in zip(recording.stamps, recording) if stamp > began}
+            for topic, recording in heard.items()}, states
+
+
+def settings():
+    return Settings().replace(EQUIPPED.items())
+
+
+def test_a_mounted_imu_reads_at_its_rate_in_its_frame_what_the_library_reads(equipped):
+    heard, states = equipped
+    assert list(heard['imu/data']) == [stamp for stamp in states if stamp % 50_000_000 == 0]
+    for stamp, message in heard['imu/data'].items():
+        reading = sensors.read_imu(settings().imu, PARAMETERS, states[stamp])
+        assert message.header.frame_id == 'imu_link'
+        assert xyz(message.linear_acceleration) == reading.specific_force.tolist()
+        assert xyz(message.angular_velocity) == reading.angular_velocity.tolist()
+        assert [*xyz(message.orientation), message.orientation.w] == reading.orientation.tolist()
+
+
+def test_the_velocity_comes_at_its_rate_but_for_missing_readings(equipped):
+    heard, states = equipped
+    readings = {stamp: sensors.read_velocity(settings().velocity, state) for stamp, state in states.items()
+                if stamp % 100_000_000 == 0}
+    expected = {stamp: reading.tolist() for stamp, reading in readings.items() if reading is not None}
+    assert {stamp: xyz(message.twist.twist.linear) for stamp, message in heard['velocity'].items()} == expected
+    assert 0 < len(expected) < len(readings) == 20
+    assert {message.header.frame_id for message in heard['velocity'].values()} == {'base_link'}
+
+
+def test_the_odometry_has_its_noise_and_says_so_and_the_pose_is_the_truth(equipped):
+    heard, states = equipped
+    assert list(heard['odom']) == list(heard['pose']) == list(states)
+    for stamp, state in states.items():
+        reading, message = sensors.read_odometry(settings().odom_noise, state), heard['odom'][stamp]
+        assert xyz(message.pose.pose.position) == reading.position.tolist()
+        twist = message.twist.twist
+        assert xyz(twist.linear) + xyz(twist.angular) == reading.twist.tolist()
+        assert list(message.pose.covariance)[::7] == [0.1**2] * 3 + [0.02**2] * 3
+        assert list(message.twist.covariance)[::7] == [0.05**2] * 3 + [0.01**2] * 3
+        assert xyz(heard['pose'][stamp].pose.position) == state.position.tolist()
+
+
+def test_with_publish_ned_pose_and_odometry_are_there_with_down_as_z(equipped):
+    heard, states = equipped
+    for stamp in states:
+        (x, y, z), ned = xyz(heard['pose'][stamp].pose.position), heard['pose_ned'][stamp]
+        assert ned.header.frame_id == 'odom_ned' and xyz(ned.pose.position) == [y, x, -z]
+        (x, y, z), ned = xyz(heard['odom'][stamp].twist.twist.linear), heard['odom_ned'][stamp]
+        assert ned.child_frame_id == 'base_link_frd' and xyz(ned.twist.twist.linear) == [x, -y, -z]

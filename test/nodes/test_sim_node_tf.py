@@ -6,6 +6,7 @@ import os
 import pytest
 from geometry_msgs.msg import TransformStamped
 from nav_msgs.msg import Odometry
+from rclpy.qos import DurabilityPolicy, QoSProfile
 from rosgraph_msgs.msg import Clock
 
 INSTALLED = importlib.util.find_spec('tf2_msgs') is not None
@@ -71,6 +72,25 @@ def test_the_transform_is_the_pose_with_its_stamp_and_frames(launch, probe, tf2_
     assert len({(stamp.sec, stamp.nanosec) for stamp in stamps}) == len(stamps)
 
 
+def test_the_transform_to_the_imu_is_there_for_who_comes_later_without_publish_tf_too(launch, probe, tf2_msgs):
+    environment, message_type, transform_of = tf2_msgs
+    launch(
+        'sim_node', '-p publish_tf:=false -p imu.frame:=imu_link -p imu.position:=[0.1,0.2,0.3] -r __ns:=/mounted '
+        '-r /clock:=/mounted/clock -r /tf_static:=/mounted/tf_static', environment=environment)
+    with probe.record(Clock, '/mounted/clock') as clock:
+        probe.until(lambda: len(clock) > 20, 'the clock')
+    heard, lasting = [], QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+    subscription = probe.node.create_subscription(message_type, '/mounted/tf_static', heard.append, lasting)
+    probe.until(lambda: heard, 'the transform')
+    probe.node.destroy_subscription(subscription)
+    transform = transform_of(heard[0])
+    assert (transform.header.frame_id, transform.child_frame_id) == ('base_link', 'imu_link')
+    at, turned = transform.transform.translation, transform.transform.rotation
+    assert (at.x, at.y, at.z, turned.x, turned.w) == (0.1, 0.2, 0.3, 0.0, 1.0)
+    _, published = probe.topics_of('manta_sim', '/mounted')
+    assert '/mounted/tf_static' in published and '/tf' not in published
+
+
 def test_with_publish_tf_false_there_is_none_and_nothing_is_said(launch, probe, tf2_msgs):
     environment, _, _ = tf2_msgs
     node = launch(
@@ -80,6 +100,12 @@ def test_with_publish_tf_false_there_is_none_and_nothing_is_said(launch, probe, 
     _, published = probe.topics_of('manta_sim', '/quiet')
     assert '/quiet/odom' in published and '/tf' not in published
     assert MISSING not in node.output
+
+
+@pytest.mark.skipif(INSTALLED, reason='tf2_msgs is installed')
+def test_without_tf2_msgs_a_static_transform_is_missed_too(launch):
+    node = launch('sim_node', '-p publish_tf:=false -p publish_ned:=true -r __ns:=/static -r /clock:=/static/clock')
+    node.wait_for_output(f'{MISSING}: install it\n')
 
 
 @pytest.mark.skipif(INSTALLED, reason='tf2_msgs is installed')

@@ -9,7 +9,13 @@ import signal
 import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
-from geometry_msgs.msg import PoseStamped, TwistStamped, WrenchStamped
+from geometry_msgs.msg import (
+    PoseStamped,
+    PoseWithCovarianceStamped,
+    TwistStamped,
+    TwistWithCovarianceStamped,
+    WrenchStamped,
+)
 from nav_msgs.msg import Odometry
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rosgraph_msgs.msg import Clock
@@ -226,6 +232,39 @@ def test_a_pose_that_is_set_is_where_it_rests_and_swims_on_from(held):
     assert position.y > -1.9 and position.x == pytest.approx(1.0, abs=1e-9)  # forward is to the world's left now
 
 
+@pytest.fixture
+def estimates(held):
+    publisher = held.probe.node.create_publisher(PoseWithCovarianceStamped, '/held/initialpose', 10)
+    held.probe.until(publisher.get_subscription_count, 'the subscription')
+    yield publisher
+    held.probe.node.destroy_publisher(publisher)
+
+
+def test_an_initial_pose_is_planar_and_keeps_the_depth(held, estimates):
+    held.poses.publish(pose_message(position=(0.0, 0.0, -3.0), orientation=(0.5, 0.5, 0.5, 0.5)))
+    held.probe.until(lambda: held.odometry[-1].pose.pose.position.z == -3.0, 'the depth')
+    held.command(SWIM)
+    estimate = PoseWithCovarianceStamped()
+    estimate.header.frame_id, estimate.pose.pose = 'odom', pose_message(position=(4.0, 5.0, 0.0)).pose
+    estimates.publish(estimate)
+    held.probe.until(lambda: held.odometry[-1].pose.pose.position.x == 4.0, 'the new pose')
+    held.step()
+    pose = held.odometry[-1].pose.pose
+    assert (pose.position.x, pose.position.y, pose.position.z) == (4.0, 5.0, -3.0)
+    turned = [pose.orientation.x, pose.orientation.y, pose.orientation.z, pose.orientation.w]
+    assert turned == pytest.approx([0.0, 0.0, HALF, HALF], abs=1e-15)
+    assert not any(numbers(held.odometry[-1], held.wrench[-1]))  # at rest, and not commanded
+
+
+def test_an_initial_pose_in_another_frame_is_refused(held, estimates):
+    line = 'initialpose refused, the robot stays where it is'
+    held.probe.until(lambda: line in held.node.output, line,
+                     doing=lambda: estimates.publish(PoseWithCovarianceStamped()), every=0.3)
+    assert "header.frame_id is '', but must be 'odom'" in held.node.output
+    held.step()
+    assert held.odometry[-1].pose.pose.position.x == 0.0
+
+
 def test_settings_that_change_again_and_again_keep_diagnostics_and_time_going(launch, probe):
     robot = LockstepRobot(launch, probe, 'busy')
     diagnostics, heard = probe.record(DiagnosticArray, '/diagnostics'), len(robot.clock)
@@ -293,13 +332,15 @@ def test_paused_it_ends_with_status_zero(launch, probe, ending):
 
 def test_who_comes_while_it_is_paused_gets_time_and_state(launch, probe):
     robot = LockstepRobot(
-        launch, probe, 'early', '-p start_paused:=true -p step_duration:=0.03 -p publish_fin_joints:=true')
+        launch, probe, 'early', '-p start_paused:=true -p step_duration:=0.03 -p publish_fin_joints:=true '
+        '-p imu.rate:=10.0')
     robot.command(SWIM)
     end = robot.step()  # between two joint_states
     before = {topic: len(heard) for topic, heard in (('odom', robot.odometry), ('clock', robot.clock))}
     kinds = {'pose': PoseStamped, 'twist': TwistStamped, 'odom': Odometry, 'fin_wrench': WrenchStamped,
              'left_fin/wrench': WrenchStamped, 'right_fin/wrench': WrenchStamped, 'imu/data': Imu,
-             'pressure': FluidPressure, 'joint_states': JointState, 'clock': Clock}
+             'pressure': FluidPressure, 'joint_states': JointState, 'velocity': TwistWithCovarianceStamped,
+             'clock': Clock}
     late = {topic: probe.record(kind, f'/early/{topic}') for topic, kind in kinds.items()}
     markers = probe.record(MarkerArray, '/early/fin_markers')
     probe.until(lambda: all(late.values()) and markers, 'all outputs')

@@ -5,7 +5,7 @@ import time
 
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
-from geometry_msgs.msg import PoseStamped, TwistStamped, WrenchStamped
+from geometry_msgs.msg import PoseStamped, TwistStamped, TwistWithCovarianceStamped, WrenchStamped
 from nav_msgs.msg import Odometry
 from rclpy.qos import ReliabilityPolicy
 from rosgraph_msgs.msg import Clock
@@ -58,13 +58,15 @@ def vector(force_and_torque):
 def test_each_topic_has_its_type_and_there_are_no_others(heard, probe):
     taken, published = probe.topics_of('manta_sim')
     expected = {f'/{topic}': kind for topic, kind in OUTPUTS.items()} | {
-        '/joint_states': JointState, '/fin_markers': MarkerArray, '/clock': Clock, '/diagnostics': DiagnosticArray}
+        '/joint_states': JointState, '/fin_markers': MarkerArray, '/clock': Clock, '/diagnostics': DiagnosticArray,
+        '/velocity': TwistWithCovarianceStamped}
     published.pop('/tf', None)  # where tf2_msgs is installed
     assert published == {
         topic: f'{kind.__module__.split(".")[0]}/msg/{kind.__name__}' for topic, kind in expected.items()}
     assert taken == {
         '/fin_command': 'std_msgs/msg/Float64MultiArray', '/rod_command': 'sensor_msgs/msg/JointState',
-        '/set_pose': 'geometry_msgs/msg/PoseStamped', '/current': 'geometry_msgs/msg/Vector3Stamped',
+        '/set_pose': 'geometry_msgs/msg/PoseStamped',
+        '/initialpose': 'geometry_msgs/msg/PoseWithCovarianceStamped', '/current': 'geometry_msgs/msg/Vector3Stamped',
         '/body_wrench': 'geometry_msgs/msg/WrenchStamped'}
 
 

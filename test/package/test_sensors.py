@@ -10,8 +10,18 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from evidence.scenarios import SWIM, TURN, sized
-from manta_sim_ros.dynamics import LARGEST_SEED, MONOLITHIC, SEQUENTIAL, Simulator, State, gaussian_noise
-from manta_sim_ros.sensors import IMU_STREAM, Imu, Pressure, read_imu, read_pressure
+from manta_sim_ros.dynamics import LARGEST_SEED, MONOLITHIC, SEQUENTIAL, Simulator, State, gaussian_noise, random_walk
+from manta_sim_ros.sensors import (
+    IMU_STREAM,
+    Imu,
+    OdometryNoise,
+    Pressure,
+    Velocity,
+    read_imu,
+    read_odometry,
+    read_pressure,
+    read_velocity,
+)
 
 EXACT_IMU = Imu(acceleration_noise=0.0, angular_velocity_noise=0.0, orientation_noise=0.0)
 EXACT_PRESSURE = Pressure(noise=0.0)
@@ -30,6 +40,11 @@ def readings(read, sensor, of=None):
     """Return what a sensor reads in one state at many times."""
     of = state() if of is None else of
     return [read(sensor, PARAMETERS, dataclasses.replace(of, time=0.01 * tick)) for tick in range(READINGS)]
+
+
+def without_parameters(read):
+    """Return how a sensor reads that needs no parameters of the model, as one that does."""
+    return lambda sensor, parameters, of: read(sensor, of)
 
 
 def test_at_rest_the_specific_force_is_gravity_upward():
@@ -115,6 +130,9 @@ def test_all_noises_are_independent_also_with_the_same_seed():
         np.array([one.specific_force for one in read]), np.array([one.angular_velocity for one in read]),
         np.array([one.orientation[:3] for one in read]),
         np.array(readings(read_pressure, Pressure(seed=5)))[:, None],
+        np.array(readings(without_parameters(read_velocity), Velocity(seed=5))),
+        *(np.array([part[:3] for part in parts]) for parts in zip(*readings(
+            without_parameters(read_odometry), OdometryNoise(1.0, 0.01, 1.0, 1.0, seed=5)))),
     ])
     correlations = np.corrcoef(columns.T)[np.triu_indices(columns.shape[1], 1)]
     np.testing.assert_allclose(correlations, 0.0, atol=5.0 / math.sqrt(READINGS))
@@ -171,3 +189,85 @@ def test_the_pressure_is_that_of_the_water_above_and_of_the_air(surface, z, dept
     salty = dataclasses.replace(EXACT_PRESSURE, water_density=1025.0, atmospheric=90000.0)
     assert read_pressure(salty, parameters, state(position=[7.0, 8.0, z])) == pytest.approx(
         90000.0 + 1025.0 * G * depth, rel=1e-14)
+
+
+def test_an_imu_off_the_center_feels_what_turning_adds_in_its_own_axes():
+    spin, rise = np.array([0.0, 0.0, 2.0]), np.array([0.0, 0.0, 3.0])
+    of = state(twist=np.concatenate([np.zeros(3), spin]), acceleration=np.concatenate([np.zeros(3), rise]))
+    arm = dataclasses.replace(EXACT_IMU, position=(0.5, 0.0, 0.1))
+    np.testing.assert_allclose(  # -omega^2 r inward, alpha r along the circle
+        read_imu(arm, PARAMETERS, of).specific_force, [-2.0, 1.5, G], rtol=0.0, atol=1e-14)
+    on_its_side = dataclasses.replace(arm, orientation=(math.pi / 2.0, 0.0, 0.0))  # its y axis up, its z axis right
+    reading = read_imu(on_its_side, PARAMETERS, of)
+    np.testing.assert_allclose(reading.specific_force, [-2.0, G, -1.5], rtol=0.0, atol=1e-14)
+    np.testing.assert_allclose(reading.angular_velocity, [0.0, 2.0, 0.0], rtol=0.0, atol=1e-14)
+    np.testing.assert_allclose(
+        Rotation.from_quat(reading.orientation).apply(reading.specific_force), [-2.0, 1.5, G], rtol=0.0, atol=1e-14)
+
+
+def test_bias_and_noise_of_a_mounted_imu_are_along_its_own_axes():
+    mounted = dataclasses.replace(EXACT_IMU, orientation=(0.0, 0.0, math.pi / 2.0), angular_velocity_bias=(0.1, 0., 0.))
+    np.testing.assert_allclose(read_imu(mounted, PARAMETERS, state()).angular_velocity, [0.1, 0.0, 0.0], atol=1e-16)
+
+
+def test_a_random_walk_has_independent_changes_whose_variance_is_their_time():
+    times = [0.0, 0.01, 1.0, 3.7, 100.0, 163.84]
+    walks = np.array([[random_walk(seed, 9, time, 3) for time in times] for seed in range(1500)])
+    np.testing.assert_array_equal(walks[:, 0], 0.0)
+    np.testing.assert_array_equal(random_walk(1, 9, -5.0, 3), 0.0)
+    changes = np.diff(walks[:, 1:], axis=1)
+    scatter = 5.0 / math.sqrt(2.0 * 1500)
+    for change, duration in zip(changes.transpose(1, 0, 2), np.diff(times[1:])):
+        np.testing.assert_allclose(change.std(axis=0), math.sqrt(duration), rtol=scatter + 0.01)  # straight in 16 ms
+        np.testing.assert_allclose(change.mean(axis=0), 0.0, atol=5.0 * math.sqrt(duration / 1500))
+    correlations = np.corrcoef(changes.reshape(1500, -1).T)[np.triu_indices(12, 1)]
+    np.testing.assert_allclose(correlations, 0.0, atol=5.0 / math.sqrt(1500))
+
+
+def test_a_random_walk_does_not_jump_and_ends_somewhere():
+    fine = np.array([random_walk(2, 9, 4.0 + 1e-4 * tick, 1)[0] for tick in range(-400, 400)])
+    assert np.abs(np.diff(fine)).max() < 1e-4 * 64.0 * 5.0  # of a straight line between points 1/64 s apart
+    assert np.isfinite(random_walk(2, 9, 1e300, 3)).all()
+
+
+def test_the_bias_of_the_imu_walks_from_where_the_robot_was_started_or_put():
+    walking = dataclasses.replace(
+        EXACT_IMU, acceleration_bias=(1.0, 0.0, 0.0), acceleration_bias_walk=0.1, angular_velocity_bias_walk=0.01)
+    began = read_imu(walking, PARAMETERS, state(time=50.0, start_time=50.0))
+    np.testing.assert_array_equal(began.specific_force, [1.0, 0.0, G])
+    after = read_imu(walking, PARAMETERS, state(time=75.0, start_time=50.0))
+    walk = random_walk(0, 3, 25.0, 6)
+    np.testing.assert_allclose(after.specific_force, [1.0, 0.0, G] + 0.1 * walk[:3], rtol=1e-15)
+    np.testing.assert_allclose(after.angular_velocity, 0.01 * walk[3:], rtol=1e-15)
+
+
+def test_the_velocity_log_reads_the_velocity_over_ground_with_noise():
+    of = state(twist=[0.4, -0.2, 0.1, 1.0, 2.0, 3.0])
+    np.testing.assert_array_equal(read_velocity(Velocity(noise=0.0), of), [0.4, -0.2, 0.1])
+    read = np.array(readings(without_parameters(read_velocity), Velocity(noise=0.05), of))
+    np.testing.assert_allclose(read.std(axis=0), 0.05, rtol=SCATTER)
+    np.testing.assert_allclose(read.mean(axis=0), [0.4, -0.2, 0.1], atol=5.0 * 0.05 / math.sqrt(READINGS))
+
+
+@pytest.mark.parametrize(('dropout', 'missing'), [(0.0, 0.0), (0.3, 0.3), (1.0, 1.0)])
+def test_readings_of_the_velocity_are_missing_with_the_probability_that_is_asked_for(dropout, missing):
+    read = readings(without_parameters(read_velocity), Velocity(dropout=dropout))
+    share = sum(reading is None for reading in read) / READINGS
+    assert share == pytest.approx(missing, abs=5.0 * math.sqrt(missing * (1.0 - missing) / READINGS))
+
+
+def test_without_noise_the_odometry_is_the_truth_bit_for_bit():
+    turned = Rotation.from_rotvec([0.4, -0.7, 1.1]).as_quat()
+    of = state(position=[1.0, -0.0, 3.0], orientation=turned, twist=np.ones(6))
+    for read, true in zip(read_odometry(OdometryNoise(), of), (of.position, of.orientation, of.twist)):
+        assert read is true
+
+
+def test_each_noise_of_the_odometry_has_its_deviation():
+    of = state(orientation=Rotation.from_rotvec([0.4, -0.7, 1.1]).as_quat())
+    noise = OdometryNoise(position=0.3, orientation=0.02, linear_velocity=0.05, angular_velocity=0.01)
+    position, orientation, twist = map(np.array, zip(*readings(without_parameters(read_odometry), noise, of)))
+    off = (Rotation.from_quat(of.orientation).inv() * Rotation.from_quat(orientation)).as_rotvec()
+    for values, deviation in ((position, 0.3), (off, 0.02), (twist[:, :3], 0.05), (twist[:, 3:], 0.01)):
+        np.testing.assert_allclose(values.std(axis=0), deviation, rtol=SCATTER)
+        np.testing.assert_allclose(values.mean(axis=0), 0.0, atol=5.0 * deviation / math.sqrt(READINGS))
