@@ -8,6 +8,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from geometry_msgs.msg import PoseWithCovarianceStamped
 from nav_msgs.msg import Odometry
 from sensor_msgs.msg import JointState
 
@@ -82,3 +83,22 @@ def test_the_pattern_generator_swims_with_front_rods_that_lead(launch, probe):
     assert 0.5 < max(rear) < 0.65
     crossing = next(i for i in reversed(range(1, len(rear))) if rear[i - 1] < 0.0 <= rear[i])
     assert front[crossing] > 0.2  # the front rod is up when the rear rod passes the middle on its way up
+
+
+def test_the_depth_from_the_pressure_is_the_height_of_the_robot_with_its_variance(launch, probe):
+    launch('sim_node', '-p initial_position:=[0.0,0.0,-3.0] -p pressure.noise:=98.1')
+    heard = probe.record(PoseWithCovarianceStamped, 'depth')
+    converter = subprocess.Popen(
+        [sys.executable, EXAMPLES / 'depth_from_pressure.py', '--ros-args', '-p', 'use_sim_time:=true'],
+        stderr=subprocess.PIPE, text=True, env=os.environ)
+    try:
+        probe.until(lambda: converter.poll() is not None or len(heard) > 50, 'depths')
+    finally:
+        converter.terminate()
+        _, errors = converter.communicate(timeout=LIMIT)
+    assert converter.returncode == 0, errors
+    heights = [message.pose.pose.position.z for message in heard]
+    assert abs(sum(heights) / len(heights) + 3.0) < 0.01  # five standard deviations of a mean of 50
+    assert 0.0 < max(abs(height + 3.0) for height in heights) < 0.06
+    assert list(heard[0].pose.covariance)[::7] == pytest.approx([1e6, 1e6, 1e-4, 1e6, 1e6, 1e6])
+    assert heard[0].header.frame_id == 'odom' and heard.rising

@@ -6,7 +6,8 @@ from pathlib import Path
 import yaml
 
 from manta_sim_ros.dynamics import Parameters
-from manta_sim_ros.nodes.parameters import Settings
+from manta_sim_ros.nodes.interface import TOPICS
+from manta_sim_ros.nodes.settings import NodeParameters, Settings
 
 CONFIG = Path(__file__).parents[2] / 'config' / 'manta.yaml'
 
@@ -48,3 +49,16 @@ def test_the_freshwater_file_has_true_densities_added_mass_and_twist_stiffness()
         'water.density', 'water.added_mass_coefficient', 'body.drag_coefficient', 'body.added_mass',
         'body.quadratic_damping', 'fin.chains', 'fin.drag_coefficient', 'fin.shear_modulus', 'solver.time_step',
         'solver.coupling'}
+
+
+def test_the_filter_fuses_topics_of_the_robot_in_its_frames():
+    content = yaml.safe_load((CONFIG.parent / 'robot_localization.yaml').read_text(encoding='utf-8'))
+    values, own = content['/**']['ros__parameters'], NodeParameters()
+    assert (values['odom_frame'], values['base_link_frame']) == (own.odom_frame, own.base_frame)
+    assert values['world_frame'] == values['odom_frame'] and values['publish_tf'] is True
+    assert TOPICS[values['imu0']].type == 'sensor_msgs/msg/Imu'
+    assert TOPICS[values['twist0']].type == 'geometry_msgs/msg/TwistWithCovarianceStamped'
+    assert f"'{values['pose0']}'" in (CONFIG.parents[1] / 'examples' / 'depth_from_pressure.py').read_text()
+    fused = {name: [index for index, value in enumerate(values[f'{name}_config']) if value is True]
+             for name in ('imu0', 'twist0', 'pose0') if len(values[f'{name}_config']) == 15}
+    assert fused == {'imu0': [3, 4, 5, 9, 10, 11], 'twist0': [6, 7, 8], 'pose0': [2]}
