@@ -40,7 +40,7 @@ COMMANDS = [(0.0, 'fin_command', GAIT), (0.5, 'fin_command', OTHER_GAIT), (1.0, 
 DURATION = 1.5  # s
 DEGREES = '30,30,0.6,0.6,40,40'
 SECOND = 1_000_000_000  # ns
-SETTINGS = Settings().replace([('publish_fin_joints', True)])
+SETTINGS = Settings().replace([('publish_fin_joints', True), ('velocity.rate', 4.0)])
 
 
 def command(at, topic, values):
@@ -73,7 +73,7 @@ def published(module_launch, probe):
     """What the node publishes of the same swim: the serialized messages of each topic, and the QoS that it offers."""
     name = 'in_lockstep'
     node = module_launch('sim_node', f'-p start_paused:=true -p publish_fin_joints:=true -p step_duration:={STEP} '
-                                     f'-r __ns:=/{name} -r /clock:=/{name}/clock')
+                                     f'-p velocity.rate:=4.0 -r __ns:=/{name} -r /clock:=/{name}/clock')
     inputs, outputs = probe.topics_of('manta_sim', f'/{name}')
     outputs.pop('/diagnostics')
     heard = {topic: [] for topic in outputs}
