@@ -11,7 +11,8 @@ VENV := $(if $(filter-out kilted,$(ROS)),.venv-$(ROS),.venv)
 TOOLS := @scripts/setup.sh --dev
 PYTEST_ARGS ?=
 
-.PHONY: help sim study test colcon-test lint docs tables bench steering verify paper validate soak setup clean
+.PHONY: help sim study linearize test colcon-test lint docs tables bench steering verify paper validate soak \
+  setup clean
 
 help:  ## list the targets
 	@sed -n 's/^\([a-z-]*\):.*## /\1\t/p' $(firstword $(MAKEFILE_LIST)) | expand -t 13
@@ -24,6 +25,9 @@ study:  ## simulate a swim faster than real time, the example of docs/studies.md
 	@rm -rf study
 	@scripts/setup.sh -- simulate --config config/freshwater.yaml --commands docs/studies/straight_then_turn.csv \
 	  --duration 20 --output study/run --fin-joints
+
+linearize:  ## linearize a cruise in fresh water: modes, time constants, A and B
+	@scripts/setup.sh -- linearize --config config/freshwater.yaml --gait 30,30,0.5,0.5,40,40
 
 test:  ## run all tests on the built package, in two processes
 	@env -u ROS_DOMAIN_ID scripts/setup.sh --dev -- scripts/test.sh $(PYTEST_ARGS)

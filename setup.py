@@ -32,12 +32,14 @@ setup(
     extras_require={
         'figures': ['matplotlib', 'pillow', 'tqdm'],
         'studies': ['matplotlib', 'plotly', 'rosbags', 'tqdm'],
-        'test': ['hypothesis', 'matplotlib', 'pillow', 'plotly', 'pytest', 'pytest-xdist', 'rosbags', 'tqdm'],
+        'test': [
+            'hypothesis', 'matplotlib', 'pillow', 'plotly', 'pytest', 'pytest-xdist', 'rosbags', 'tqdm'],
     },
     zip_safe=False,  # Numba keeps compiled kernels beside the modules.
     entry_points={
         'console_scripts': [
             'gait_node = manta_sim_ros.executables:gait_node',
+            'linearize = manta_sim_ros.executables:linearize',
             'monitor_node = manta_sim_ros.executables:monitor_node',
             'paper_figures = manta_sim_ros.executables:paper_figures',
             'simulate = manta_sim_ros.executables:simulate',

@@ -45,6 +45,12 @@ def simulate() -> None:
     _run('studies.simulate', f'{NEEDS_STUDIES}; and {NEEDS_ROS}', packages=('rosbags', 'tqdm'), interrupted=130)
 
 
+def linearize() -> None:
+    """Linearize the motion of the body about a cruise or a turn."""
+    os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
+    _run('studies.linearize', NEEDS_STUDIES, interrupted=130)
+
+
 def _run(module: str, needs: str, packages: tuple[str, ...] = (), interrupted: int = 0) -> None:
     """Run `main` of a module; a package that is missing ends the process with one line that says what is needed.
 

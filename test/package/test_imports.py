@@ -64,6 +64,12 @@ def test_the_papers_figures_need_nothing_of_ros(tmp_path):
     assert not set(names) & OF_ROS
 
 
+@pytest.mark.parametrize('module', ['linearize'])
+def test_linear_models_and_sweeps_need_nothing_of_ros(module, tmp_path):
+    names = run_python(IMPORT.replace('manta_sim_ros.dynamics', f'manta_sim_ros.studies.{module}'), tmp_path)
+    assert not set(names.stdout.split()) & OF_ROS
+
+
 @pytest.mark.parametrize('path', sources('manta_sim_ros/dynamics'))
 def test_every_import_of_the_library_is_of_itself_or_allowed(path):
     for name in imported(path):

@@ -66,7 +66,7 @@ def test_the_metadata_name_what_the_library_needs_and_the_extras(installed):
     assert figures == {'matplotlib', 'pillow', 'tqdm'}
     assert (installed / 'manta_sim_ros' / 'py.typed').is_file()
     assert {path.name for path in (installed / 'bin').iterdir()} >= {
-        'sim_node', 'gait_node', 'monitor_node', 'paper_figures', 'simulate'}
+        'sim_node', 'gait_node', 'monitor_node', 'paper_figures', 'linearize', 'simulate'}
 
 
 def test_the_library_works_without_ros_and_without_setuptools(installed, tmp_path):
