@@ -11,7 +11,7 @@ VENV := $(if $(filter-out kilted,$(ROS)),.venv-$(ROS),.venv)
 TOOLS := @scripts/setup.sh --dev
 PYTEST_ARGS ?=
 
-.PHONY: help sim study linearize test colcon-test lint docs tables bench steering verify paper validate soak \
+.PHONY: help sim study linearize sweep test colcon-test lint docs tables bench steering verify paper validate soak \
   setup clean
 
 help:  ## list the targets
@@ -28,6 +28,10 @@ study:  ## simulate a swim faster than real time, the example of docs/studies.md
 
 linearize:  ## linearize a cruise in fresh water: modes, time constants, A and B
 	@scripts/setup.sh -- linearize --config config/freshwater.yaml --gait 30,30,0.5,0.5,40,40
+
+sweep:  ## simulate the study config/studies/amplitude_and_phase.yaml: writes build/sweep.parquet and build/sweep.png
+	@scripts/setup.sh -- sweep config/studies/amplitude_and_phase.yaml \
+	  --output build/sweep.parquet --plot build/sweep.png
 
 test:  ## run all tests on the built package, in two processes
 	@env -u ROS_DOMAIN_ID scripts/setup.sh --dev -- scripts/test.sh $(PYTEST_ARGS)

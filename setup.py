@@ -22,6 +22,7 @@ setup(
         ('share/' + name, ['package.xml']),
         ('share/' + name + '/config', sorted(glob('config/*.*'))),
         ('share/' + name + '/config/ros2_control', sorted(glob('config/ros2_control/*'))),
+        ('share/' + name + '/config/studies', sorted(glob('config/studies/*.yaml'))),
         ('share/' + name + '/config/sros2', sorted(glob('config/sros2/*.xml'))),
         ('share/' + name + '/launch', sorted(glob('launch/*.launch.py'))),
         ('share/' + name + '/rviz', sorted(glob('rviz/*.rviz'))),
@@ -30,10 +31,11 @@ setup(
     python_requires='>=3.10',
     install_requires=['numba', 'numpy', 'PyYAML', 'scipy'],
     extras_require={
+        'cluster': ['distributed'],
         'figures': ['matplotlib', 'pillow', 'tqdm'],
-        'studies': ['matplotlib', 'plotly', 'rosbags', 'tqdm'],
+        'studies': ['matplotlib', 'plotly', 'pyarrow', 'rosbags', 'tqdm'],
         'test': [
-            'hypothesis', 'matplotlib', 'pillow', 'plotly', 'pytest', 'pytest-xdist', 'rosbags', 'tqdm'],
+            'hypothesis', 'matplotlib', 'pillow', 'plotly', 'pyarrow', 'pytest', 'pytest-xdist', 'rosbags', 'tqdm'],
     },
     zip_safe=False,  # Numba keeps compiled kernels beside the modules.
     entry_points={
@@ -44,6 +46,7 @@ setup(
             'paper_figures = manta_sim_ros.executables:paper_figures',
             'simulate = manta_sim_ros.executables:simulate',
             'sim_node = manta_sim_ros.executables:sim_node',
+            'sweep = manta_sim_ros.executables:sweep',
         ],
     },
 )

@@ -51,6 +51,12 @@ def linearize() -> None:
     _run('studies.linearize', NEEDS_STUDIES, interrupted=130)
 
 
+def sweep() -> None:
+    """Simulate many cases of a study."""
+    os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
+    _run('studies.sweep', NEEDS_STUDIES, packages=('pyarrow', 'tqdm'), interrupted=130)
+
+
 def _run(module: str, needs: str, packages: tuple[str, ...] = (), interrupted: int = 0) -> None:
     """Run `main` of a module; a package that is missing ends the process with one line that says what is needed.
 

@@ -7,15 +7,14 @@ import math
 import warnings
 from pathlib import Path
 
-import numpy as np
-
-from manta_sim_ros.dynamics import DivergenceError, Parameters, StabilityWarning, fin_surfaces, largest_stable_step
+from manta_sim_ros.dynamics import DivergenceError, Parameters, StabilityWarning, largest_stable_step
 from manta_sim_ros.figures.figure_8 import PHASE_OF_AMPLITUDES, mean_thrust
 from manta_sim_ros.figures.gaits import STRAIGHT, TURNS, gait, robot
 from manta_sim_ros.figures.jobs import Done
 from manta_sim_ros.figures.record import Record, record
-from manta_sim_ros.figures.scene import in_world
 from manta_sim_ros.figures.turning import PERIODS, Turn
+from manta_sim_ros.nodes.transport import cost_of_transport
+from manta_sim_ros.studies.swim import strouhal, tip_excursion
 
 CONFIG = Path(__file__).parents[2] / 'config'
 CONFIGURATIONS = ('manta.yaml', 'freshwater.yaml')
@@ -75,7 +74,7 @@ class Cruise:
     @property
     def strouhal(self) -> float:
         """Frequency times excursion over speed."""
-        return FREQUENCY * self.excursion / self.speed
+        return strouhal(FREQUENCY, self.excursion, self.speed)
 
 
 def configuration(name: str) -> Parameters:
@@ -95,10 +94,9 @@ def at_end(states: Record) -> Cruise:
     states = dataclasses.replace(states, **{
         field.name: getattr(states, field.name)[last]
         for field in dataclasses.fields(states) if field.type == 'FloatArray'})
-    nodes = fin_surfaces(states.parameters, states.rod_angles, states.joint_angles)
-    heights = in_world(states, nodes[:, :, :, -1])[..., 2]
     return Cruise(
-        float(states.twist[:, 0].mean()), float(states.rod_power.mean()), float(np.ptp(heights, axis=0).mean()))
+        float(states.twist[:, 0].mean()), float(states.rod_power.mean()), tip_excursion(
+            states.parameters, states.position, states.orientation, states.rod_angles, states.joint_angles))
 
 
 def measure(parameters: Parameters) -> dict[str, float]:
@@ -112,7 +110,7 @@ def measure(parameters: Parameters) -> dict[str, float]:
             swim = cruise(parameters, amplitude)
             weight = parameters.body.mass * parameters.body.gravity
             results |= {'speed': swim.speed, 'strouhal': swim.strouhal, 'power': swim.power,
-                        'cost': swim.power / (weight * swim.speed)}
+                        'cost': cost_of_transport(swim.power, swim.speed, weight)}
             for number, (name, gaits) in enumerate(TURNS.items(), start=1):
                 turn = Turn(name, record(parameters, *gaits, PERIODS))
                 results |= {f'rate {number}': turn.turning_rate, f'radius {number}': turn.turning_radius}

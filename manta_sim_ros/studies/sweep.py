@@ -1,0 +1,230 @@
+"""The command `sweep`: many cases of a study, on all cores or on a cluster, into one Parquet file."""
+
+from __future__ import annotations
+
+import contextlib
+import fcntl
+import importlib.util
+import os
+import shutil
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+import pyarrow as pa
+import pyarrow.parquet as pq
+from tqdm import tqdm
+
+from manta_sim_ros.dynamics import compile_kernels
+from manta_sim_ros.figures.files import clear_abandoned, whole
+from manta_sim_ros.figures.jobs import say
+from manta_sim_ros.signals import on_ending
+from manta_sim_ros.studies.arguments import Parser
+from manta_sim_ros.studies.cases import simulate_cases
+from manta_sim_ros.studies.plot import check_plot, draw
+from manta_sim_ros.studies.study import Study, read_study, unit_of
+
+CASES_PER_CORE = 32
+"""Cases of a part on this machine, for each core: a few seconds of computing, which are lost when it is killed."""
+
+CASES_OF_A_TASK = 32
+"""Cases of a task of a cluster."""
+
+OUTPUTS: dict[str, tuple[Any, str]] = {
+    'thrust': (pa.float64(), 'N'), 'speed': (pa.float64(), 'm/s'), 'yaw_rate': (pa.float64(), 'degrees/s'),
+    'turning_radius': (pa.float64(), 'm'), 'power': (pa.float64(), 'W'), 'cost_of_transport': (pa.float64(), ''),
+    'strouhal': (pa.float64(), ''), 'converged': (pa.bool_(), ''), 'step_stable': (pa.bool_(), ''),
+    'warning': (pa.string(), ''), 'error': (pa.string(), ''),
+}
+"""Type and unit of each result of a case."""
+
+DIGEST = b'study'
+"""Key of the digest of the study in the metadata of a file."""
+
+
+class OtherStudyError(ValueError):
+    """The results that are there are those of another study."""
+
+
+def sweep(
+    study: Study, output: Path, *, scheduler: str | None = None,
+    progress: Callable[[int], object] = lambda count: None,
+) -> int:
+    """Simulate the cases of a study that have no results yet, and write all results to a Parquet file.
+
+    Each part of the results is a Parquet file in the directory `output`.parts, which is there whole or not at all:
+    after a kill the directory can be read, and the next call goes on after the last part. At the end the parts become
+    `output`. Nothing is done when that is there already.
+
+    Parameters
+    ----------
+    study
+        The cases.
+    output
+        The file, with one row for each case: its number, its inputs and OUTPUTS. The units are in the metadata of the
+        columns.
+    scheduler
+        The address of a scheduler of Dask, such as tcp://host:8786, whose workers have this package; by default the
+        cases are simulated on all cores that this process may use.
+    progress
+        Is called with a number of cases that have their results, at first with that of an earlier call.
+
+    Returns
+    -------
+    int
+        The number of cases that were simulated now.
+
+    Raises
+    ------
+    OtherStudyError
+        There are results of another study, or of another version of the package.
+    OSError
+        A file cannot be written or read, the scheduler is not reached, or another process writes the same results.
+
+    """
+    parts = output.with_name(f'{output.name}.parts')
+    if output.exists():
+        _check_same(study, _metadata(output), output)
+        shutil.rmtree(parts, ignore_errors=True)
+        progress(len(study.cases))
+        return 0
+    schema = _schema(study)
+    with _held(study, parts):
+        clear_abandoned(parts)
+        done = {case for path in _part_files(parts) for case in pq.read_table(path, columns=['case'])[0].to_pylist()}
+        progress(len(done))
+        left = [case for case in study.cases if case not in done]
+        for rows in _simulated(study, left, scheduler):
+            with whole(parts / f'part-{rows[0]["case"]:07}.parquet') as path:
+                pq.write_table(pa.Table.from_pylist(rows, schema=schema), path)
+            progress(len(rows))
+        table = pa.concat_tables(pq.read_table(path) for path in _part_files(parts)).sort_by('case')
+        with whole(output) as path:
+            pq.write_table(table, path)
+        shutil.rmtree(parts)
+    return len(left)
+
+
+def _simulated(study: Study, cases: Sequence[int], scheduler: str | None) -> Iterator[list[dict[str, Any]]]:
+    """Yield the rows of blocks of cases as they are done."""
+    if scheduler is None:
+        for block in _blocks(cases, CASES_PER_CORE * len(os.sched_getaffinity(0))):
+            yield simulate_cases(study.part(block))
+        return
+    from distributed import Client, KilledWorker, as_completed
+
+    try:
+        connected = Client(scheduler)
+    except (OSError, TypeError, ValueError) as error:
+        raise ConnectionError(f'there is no scheduler at {scheduler}: {error}') from error
+    with connected as client:
+        tasks = [client.submit(simulate_cases, study.part(block)) for block in _blocks(cases, CASES_OF_A_TASK)]
+        for task in as_completed(tasks):
+            try:
+                yield task.result()
+            except KilledWorker as error:
+                raise OSError(f'the workers were killed again and again by the same cases: {error}') from error
+
+
+def _blocks(cases: Sequence[int], size: int) -> list[Sequence[int]]:
+    return [cases[start:start + size] for start in range(0, len(cases), size)]
+
+
+@contextlib.contextmanager
+def _held(study: Study, parts: Path) -> Iterator[None]:
+    """Hold the directory of the parts, for this study and this process only."""
+    parts.mkdir(exist_ok=True)
+    with (parts / '_study').open('a+b') as file:  # readers of Parquet leave out names with an underscore
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            raise BlockingIOError(f'{parts} is written by another process') from None
+        file.seek(0)
+        if known := file.read():
+            _check_same(study, {DIGEST: known}, parts)
+        else:
+            file.write(study.digest.encode())
+            file.flush()
+        try:
+            yield
+        finally:
+            if not _part_files(parts):
+                shutil.rmtree(parts, ignore_errors=True)
+
+
+def _metadata(path: Path) -> dict[bytes, bytes]:
+    try:
+        return pq.read_schema(path).metadata or {}
+    except pa.ArrowInvalid:
+        return {}  # some other file
+
+
+def _check_same(study: Study, metadata: dict[bytes, bytes], path: Path) -> None:
+    if metadata.get(DIGEST) != study.digest.encode():
+        raise OtherStudyError(
+            f'{path} has the results of another study, or of another version: take another --output, or remove it')
+
+
+def _part_files(parts: Path) -> list[Path]:
+    return sorted(parts.glob('part-*.parquet'))
+
+
+def _schema(study: Study) -> pa.Schema:
+    columns = {'case': (pa.int64(), '')}
+    for index, name in enumerate(study.names):
+        columns[name] = pa.array([case[index] for case in study.cases.values()]).type, unit_of(name)
+    return pa.schema(
+        [pa.field(name, kind, metadata={'unit': unit}) for name, (kind, unit) in (columns | OUTPUTS).items()],
+        metadata={DIGEST: study.digest.encode()})
+
+
+def main(args: Sequence[str] | None = None) -> None:
+    """Run the command; the exit status is 0, 1 after a failure, 2 for wrong input, or 130 when it is interrupted."""
+    parser = _parser()
+    options = parser.parse_args(args)
+    try:
+        study = read_study(options.study)
+        if not options.output.parent.is_dir():
+            raise ValueError(f'--output is {options.output}, but {options.output.parent} must be a directory')
+        if options.scheduler is not None and importlib.util.find_spec('distributed') is None:
+            raise ValueError("--scheduler needs the extra 'cluster': pip install 'manta_sim_ros[cluster]'")
+        if options.plot is not None:
+            check_plot(study, options.plot)
+    except (OSError, ValueError) as error:
+        parser.error(str(error))
+
+    def interrupted() -> None:
+        say(f'\n{parser.prog}: interrupted; the finished parts are in {options.output}.parts: the same command goes on',
+            sys.stderr)
+        os._exit(130)
+
+    on_ending(interrupted)
+    try:
+        compile_kernels(study.parameters, lambda line: say(line, sys.stderr))
+        with tqdm(total=len(study.cases), disable=None, unit='case') as bar:
+            count = sweep(study, options.output, scheduler=options.scheduler, progress=bar.update)
+    except OtherStudyError as error:
+        parser.error(str(error))
+    except OSError as error:
+        sys.exit(f'{parser.prog}: {" ".join(str(error).split())}')
+    failed = sum(error.is_valid for error in pq.read_table(options.output, columns=['error'])[0])
+    say(f'{options.output}: {len(study.cases)} cases, {count} of them simulated now, {failed} without a result')
+    if options.plot is not None:
+        draw(study, pq.read_table(options.output).to_pydict(), options.plot)
+
+
+def _parser() -> Parser:
+    parser = Parser(
+        prog='sweep', description='Simulate all cases of a study file, from rest, and write a Parquet file with a row '
+                                  'of each: inputs, thrust, speed, turn, power, cost of transport, Strouhal number, '
+                                  'and the error of a case that failed. After a kill, the same command goes on.')
+    parser.add_argument('study', type=Path, metavar='STUDY.yaml', help='what is varied; see docs/sweep.md')
+    parser.add_argument('-o', '--output', type=Path, default=Path('results.parquet'), metavar='FILE.parquet',
+                        help='the file to write (default: %(default)s)')
+    parser.add_argument('--scheduler', metavar='tcp://HOST:PORT',
+                        help='simulate on the workers of this scheduler of Dask (default: on all cores of this '
+                             'machine)')
+    parser.add_argument('--plot', type=Path, metavar='FILE.png',
+                        help='plot the results over the one or two quantities that are varied')
+    return parser
