@@ -21,10 +21,12 @@ help:  ## list the targets
 sim:  ## watch the robot swim straight ahead and then turn
 	@scripts/setup.sh -- scripts/sim.sh
 
-study:  ## simulate a swim faster than real time, the example of docs/studies.md: writes study/
+study:  ## simulate a swim faster than real time, and make a page of it: writes study/, see docs/studies.md
 	@rm -rf study
 	@scripts/setup.sh -- simulate --config config/freshwater.yaml --commands docs/studies/straight_then_turn.csv \
 	  --duration 20 --output study/run --fin-joints
+	@scripts/setup.sh --no-build -- report study/run --output study/report.html
+	@echo 'open study/report.html in a browser'
 
 linearize:  ## linearize a cruise in fresh water: modes, time constants, A and B
 	@scripts/setup.sh -- linearize --config config/freshwater.yaml --gait 30,30,0.5,0.5,40,40

@@ -16,7 +16,7 @@ setup(
     maintainer=maintainer.text,
     maintainer_email=maintainer.get('email'),
     packages=find_packages(include=[name, name + '.*']),
-    package_data={name: ['py.typed']},
+    package_data={name: ['py.typed', 'studies/*.html', 'studies/*.js']},
     data_files=[
         ('share/ament_index/resource_index/packages', ['resource/' + name]),
         ('share/' + name, ['package.xml']),
@@ -44,6 +44,7 @@ setup(
             'linearize = manta_sim_ros.executables:linearize',
             'monitor_node = manta_sim_ros.executables:monitor_node',
             'paper_figures = manta_sim_ros.executables:paper_figures',
+            'report = manta_sim_ros.executables:report',
             'simulate = manta_sim_ros.executables:simulate',
             'sim_node = manta_sim_ros.executables:sim_node',
             'sweep = manta_sim_ros.executables:sweep',

@@ -57,6 +57,11 @@ def sweep() -> None:
     _run('studies.sweep', NEEDS_STUDIES, packages=('pyarrow', 'tqdm'), interrupted=130)
 
 
+def report() -> None:
+    """Make a page of a swim in a bag."""
+    _run('studies.report', NEEDS_STUDIES, packages=('matplotlib', 'plotly', 'rosbags'), interrupted=130)
+
+
 def _run(module: str, needs: str, packages: tuple[str, ...] = (), interrupted: int = 0) -> None:
     """Run `main` of a module; a package that is missing ends the process with one line that says what is needed.
 

@@ -25,7 +25,7 @@ class Parser(argparse.ArgumentParser):
         self.exit(2, f'{self.prog}: {" ".join(message.split())}\n')
 
 
-def read_settings(path: Path) -> Settings:
+def read_settings(path: str | Path) -> Settings:
     """Return the parameters that a ROS 2 parameter file has for the node `/manta_sim`.
 
     Raises

@@ -11,6 +11,7 @@ from typing import Any, NamedTuple, cast
 from rosbags.highlevel import AnyReader
 from rosbags.interfaces import Connection, Qos, QosDurability, QosHistory, QosLiveliness, QosReliability, QosTime
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, Reader, StoragePlugin, Writer
+from rosbags.rosbag2.storage_mcap import McapWriter
 from rosbags.typesys import Stores, get_typestore
 
 from manta_sim_ros.dynamics import cut, shown_names
@@ -84,6 +85,7 @@ class BagWriter:
     def write(self, name: str, time: int, data: bytes) -> None:
         """Write a serialized message of a topic at a time [ns]."""
         self._writer.write(self._connections[name], time, data)
+        cast(McapWriter, self._writer.storage).bio.flush()  # so that the file always ends with a whole record
 
 
 class Logged(NamedTuple):
@@ -115,8 +117,8 @@ class BagReader:
 
     """
 
-    def __init__(self, path: Path, namespace: str | None = None) -> None:
-        self._path, self._namespace = path, namespace
+    def __init__(self, path: str | Path, namespace: str | None = None) -> None:
+        self._path, self._namespace = Path(path), namespace
 
     def __enter__(self) -> BagReader:
         try:
@@ -143,9 +145,22 @@ class BagReader:
 
     @property
     def settings(self) -> Settings | None:
-        """The parameters with which the messages were made, where the bag has them."""
+        """The parameters with which the messages were made, where the bag has them.
+
+        Raises
+        ------
+        ValueError
+            They are not those of this version.
+
+        """
         custom = cast(Reader, self._reader.readers[0]).storage.metadata.custom or {}
-        return Settings().replace(json.loads(custom[SETTINGS]).items()) if SETTINGS in custom else None
+        if SETTINGS not in custom:
+            return None
+        try:
+            return Settings().replace(json.loads(custom[SETTINGS]).items())
+        except (AttributeError, TypeError, ValueError) as error:
+            raise ValueError(
+                f'{self._path}: its parameters are not those of this version: {cut(str(error))}') from error
 
     def messages(self, names: Iterable[str]) -> Iterator[Logged]:
         """Yield the messages of some topics in the order of their times."""
@@ -176,7 +191,8 @@ class BagReader:
                       if topic.endswith(f'/{name}')}
         if self._namespace is None and len(namespaces) > 1:
             raise ValueError(
-                f'{self._path}: has robots in the namespaces {shown_names(sorted(namespaces))}: choose one')
+                f'{self._path}: has robots in the namespaces {shown_names(sorted(namespaces))}: choose one '
+                '(--namespace)')
         namespace = self._namespace if self._namespace is not None else ''.join(namespaces)
         if namespace not in namespaces:
             raise ValueError(
@@ -194,4 +210,5 @@ class BagReader:
 
     def _unreadable(self, error: Exception) -> ValueError:
         reason = cut(' '.join(str(error).split()) or type(error).__name__)
-        return ValueError(f'{self._path}: cannot be read as a bag: {reason}')
+        cure = '; if its recorder was killed, ros2 bag reindex mends it' if self._path.exists() else ''
+        return ValueError(f'{self._path}: cannot be read as a bag: {reason}{cure}')

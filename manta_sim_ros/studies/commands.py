@@ -64,9 +64,16 @@ def constant_gait(degrees: Sequence[float], model: Parameters) -> list[Command]:
     return [Command(0.0, 'fin_command', Float64MultiArray(data=values), 'the gait')]
 
 
-def read_commands(path: Path, model: Parameters) -> list[Command]:
-    """Return the commands of a table, or those of a bag if the path is a directory or an MCAP or SQLite file."""
-    return read_bag(path) if path.is_dir() or path.suffix in BAGS else read_table(path, model)
+def read_commands(path: Path, model: Parameters, namespace: str | None = None) -> list[Command]:
+    """Return the commands of a table, or those of a bag if the path is a directory or an MCAP or SQLite file.
+
+    Raises
+    ------
+    ValueError, OSError
+        As those of `read_table` and `read_bag`.
+
+    """
+    return read_bag(path, namespace) if path.is_dir() or path.suffix in BAGS else read_table(path, model)
 
 
 def read_table(path: Path, model: Parameters) -> list[Command]:
@@ -137,7 +144,7 @@ def _check(values: Sequence[float], checking: Simulator) -> None:
         checking.command(left=left, right=right)
 
 
-def read_bag(path: Path, namespace: str | None = None) -> list[Command]:
+def read_bag(path: str | Path, namespace: str | None = None) -> list[Command]:
     """Return the commands of a bag, at the simulated times at which they were logged.
 
     A time is that of the last `/clock` before the command; without that topic, times count from the first command.

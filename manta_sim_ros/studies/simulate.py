@@ -42,7 +42,7 @@ class SimulationWarning(UserWarning):
 
 
 def simulate(
-    settings: Settings, commands: Iterable[Command], duration: float, path: Path, *, markers: bool = False,
+    settings: Settings, commands: Iterable[Command], duration: float, path: str | Path, *, markers: bool = False,
     progress: Callable[[float], object] = lambda time: None,
 ) -> State:
     """Simulate a swim from rest, and record it in a new bag as a node that is advanced in lockstep would publish it.
@@ -81,6 +81,7 @@ def simulate(
         The bag cannot be written.
 
     """
+    path = Path(path)
     _check_duration(duration, settings.model)
     check_new(path)
     robot = Robot(settings, _warn, _warn)
@@ -162,7 +163,7 @@ def _run(parser: Parser, options: argparse.Namespace) -> None:
         _check_duration(options.duration, settings.model)
         check_new(options.output)
         if options.gait is None:
-            commands = read_commands(options.commands, settings.model)
+            commands = read_commands(options.commands, settings.model, options.namespace)
         else:
             commands = constant_gait(options.gait, settings.model)
     except (OSError, ValueError) as error:
@@ -210,12 +211,15 @@ def _parser() -> Parser:
     commands.add_argument('--commands', type=Path, metavar='FILE',
                           help='a table (CSV) with the columns time [s] and the names of the six or ten values of '
                                'fin_command [rad, Hz], or a bag with fin_command or rod_command')
+    parser.add_argument('--namespace', metavar='NAMESPACE',
+                        help='the robot whose commands are taken, where a bag has several')
     parser.add_argument('--duration', type=float, required=True, metavar='T', help='simulated time [s]')
     parser.add_argument('--output', type=Path, required=True, metavar='DIRECTORY', help='the new bag')
     parser.add_argument('--fin-joints', action='store_true',
                         help='record the joints of the fins in joint_states (publish_fin_joints), which report draws')
     parser.add_argument('--markers', action='store_true',
-                        help='record fin_markers, for RViz and Foxglove; they take longer to make than all the rest')
+                        help='record fin_markers, for RViz and Foxglove: one takes longer to make than all other '
+                             'messages of an output')
     return parser
 
 
