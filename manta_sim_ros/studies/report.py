@@ -21,8 +21,8 @@ from manta_sim_ros.figures.files import whole
 from manta_sim_ros.studies.arguments import Parser, read_settings
 from manta_sim_ros.studies.bag import check_new
 from manta_sim_ros.studies.curves import Panel, facts, panels
-from manta_sim_ros.studies.scene import IntArray, Part, body, fins
 from manta_sim_ros.studies.recorded_swim import Swim, read_swim
+from manta_sim_ros.studies.scene import IntArray, Part, body, fins
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

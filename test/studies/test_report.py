@@ -24,10 +24,10 @@ from manta_sim_ros.nodes.settings import Settings
 from manta_sim_ros.studies.bag import TYPES
 from manta_sim_ros.studies.commands import constant_gait
 from manta_sim_ros.studies.curves import facts, moving_mean, panels
+from manta_sim_ros.studies.recorded_swim import read_swim
 from manta_sim_ros.studies.report import MOST_FRAMES, frame_times, html_page, main, notes, write_report
 from manta_sim_ros.studies.scene import body, fins
 from manta_sim_ros.studies.simulate import simulate
-from manta_sim_ros.studies.recorded_swim import read_swim
 
 BROWSER = next(filter(None, map(shutil.which, ('chromium', 'chromium-browser', 'google-chrome'))), None)
 GAIT = [0.7, 0.4, 0.6, 0.5, 0.7, 0.3]
