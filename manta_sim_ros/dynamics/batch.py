@@ -27,6 +27,9 @@ from manta_sim_ros.dynamics.state import State
 MOST_LINKS = 100
 """Links of a fin up to which robots are simulated together: with more, several robots do not fit into the cache."""
 
+_Packed = tuple['list[_Robot]', packed.Pack]
+"""Robots, and their pack as the last interval left it."""
+
 Commands = Sequence[tuple[FinCommand, FinCommand] | None]
 """(left, right) of each robot, or None for a robot that goes on as before."""
 
@@ -192,29 +195,36 @@ def _advance(block: list[_Robot], intervals: list[int], stop: threading.Event) -
     """Advance a block by intervals of so many steps, and record the states after them."""
     links = sum(robot.state.joint_angles.size for robot in block)
     at_once = max(1, LINK_STEPS_AT_ONCE // links)
+    packed_before: _Packed | None = None
     for steps in intervals:
         for taken in range(0, steps, at_once):
             if stop.is_set():
                 return
-            _advance_together([robot for robot in block if robot.error is None], min(steps - taken, at_once))
+            packed_before = _advance_together(
+                [robot for robot in block if robot.error is None], min(steps - taken, at_once), packed_before)
         for robot in block:
             robot.record.append(robot.state)
 
 
-def _advance_together(robots: list[_Robot], steps: int) -> None:
-    """Advance a block by so many steps: together, but for robots that diverge or come near the surface."""
+def _advance_together(robots: list[_Robot], steps: int, before: _Packed | None) -> _Packed | None:
+    """Advance a block by so many steps: together, but for robots that diverge or come near the surface.
+
+    Return the robots with their pack if they can go on in it next time, as `before`.
+    """
     while len(robots) > ROBOTS // 2:  # fewer are faster one after the other
-        pack = packed.pack_of([robot.member() for robot in robots])
+        pack = before[1] if before is not None and before[0] == robots else packed.pack_of(
+            [robot.member() for robot in robots])
         with announced_compilation():
             failed = packed.advance(pack, steps)
         if failed < 0:
             for robot, motion in zip(robots, packed.motions_of(pack), strict=False):  # a pack is filled up
                 robot.go_on(motion, steps)
-            return
+            return robots, pack
         alone = robots.pop(min(failed, len(robots) - 1))
         alone.advance_alone(steps)
     for robot in robots:
         robot.advance_alone(steps)
+    return None
 
 
 def _robots(

@@ -116,6 +116,14 @@ def test_a_batch_goes_on_from_its_own_states_to_the_last_bit():
         assert bits(one) == bits(other)
 
 
+def test_a_robot_that_rises_to_the_surface_on_the_way_does_not_touch_the_others():
+    states = [swimming(SMALL, duration=0.1 * count) for count in range(8)]
+    states[3] = dataclasses.replace(
+        states[3], position=np.array([0.0, 0.0, 4.2]), twist=np.array([0.0, 0.0, 2.0, 0.0, 0.0, 0.0]))
+    for state, record in zip(states, simulate_batch(SMALL, states, None, 0.8, every=0.1)):
+        assert_close_states(record[-1], alone(SMALL, state, None, 0.8))
+
+
 @pytest.mark.filterwarnings('ignore::manta_sim_ros.dynamics.StabilityWarning')
 def test_a_robot_that_diverges_has_its_error_and_does_not_touch_the_others():
     stable = sized(4, 3)
