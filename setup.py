@@ -42,6 +42,7 @@ setup(
         'console_scripts': [
             'gait_node = manta_sim_ros.executables:gait_node',
             'linearize = manta_sim_ros.executables:linearize',
+            'identify = manta_sim_ros.executables:identify',
             'monitor_node = manta_sim_ros.executables:monitor_node',
             'paper_figures = manta_sim_ros.executables:paper_figures',
             'report = manta_sim_ros.executables:report',

@@ -62,6 +62,12 @@ def report() -> None:
     _run('studies.report', NEEDS_STUDIES, packages=('matplotlib', 'plotly', 'rosbags'), interrupted=130)
 
 
+def identify() -> None:
+    """Fit parameters of the model to measured runs."""
+    os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
+    _run('studies.identify', NEEDS_STUDIES, packages=('matplotlib', 'rosbags', 'tqdm'), interrupted=130)
+
+
 def _run(module: str, needs: str, packages: tuple[str, ...] = (), interrupted: int = 0) -> None:
     """Run `main` of a module; a package that is missing ends the process with one line that says what is needed.
 

@@ -65,7 +65,7 @@ class Study:
 
     def parameters_of(self, case: int) -> Parameters:
         """Return the parameters of a case, or raise a ValueError that names what is wrong."""
-        return _with_parameters(
+        return with_parameters(
             self.parameters, {name: value for name, value in self.inputs(case).items() if name not in GAIT_NAMES})
 
     def gaits_of(self, case: int) -> Gaits:
@@ -148,10 +148,10 @@ def _study(content: Any, folder: Path) -> Study:
         else:
             fixed[name] = _value(name, value)
     fixed_gait = {name: value for name, value in fixed.items() if name in GAIT_NAMES}
-    parameters = _with_parameters(parameters, {name: fixed[name] for name in fixed if name not in GAIT_NAMES})
+    parameters = with_parameters(parameters, {name: fixed[name] for name in fixed if name not in GAIT_NAMES})
     for name, values in ranges.items():
         for value in values if 'values' in {**gait, **others}[name] else {values[0], values[-1]}:  # each one alone
-            _gaits({name: value}) if name in GAIT_NAMES else _with_parameters(parameters, {name: value})
+            _gaits({name: value}) if name in GAIT_NAMES else with_parameters(parameters, {name: value})
     if not ranges:
         raise ValueError('nothing is varied: give a value of gait or parameters as {from, to, count} or {values}')
     return Study(parameters, duration, fixed_gait, tuple(ranges), dict(enumerate(_cases(ranges, sampling))))
@@ -206,7 +206,15 @@ def _value(name: str, value: Any) -> Any:
     return value
 
 
-def _with_parameters(parameters: Parameters, values: Mapping[str, Any]) -> Parameters:
+def with_parameters(parameters: Parameters, values: Mapping[str, Any]) -> Parameters:
+    """Return parameters with other values by their names, such as `fin.span` or `body.inertia[0]`.
+
+    Raises
+    ------
+    ValueError
+        A value is invalid; names it and the bound.
+
+    """
     groups: dict[str, dict[str, Any]] = {}
     for full_name, value in values.items():
         name, bracket, index = full_name.partition('[')

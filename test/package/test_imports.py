@@ -64,8 +64,8 @@ def test_the_papers_figures_need_nothing_of_ros(tmp_path):
     assert not set(names) & OF_ROS
 
 
-@pytest.mark.parametrize('module', ['linearize', 'sweep'])
-def test_linear_models_and_sweeps_need_nothing_of_ros(module, tmp_path):
+@pytest.mark.parametrize('module', ['identify', 'linearize', 'sweep'])
+def test_these_studies_need_nothing_of_ros(module, tmp_path):
     names = run_python(IMPORT.replace('manta_sim_ros.dynamics', f'manta_sim_ros.studies.{module}'), tmp_path)
     assert not set(names.stdout.split()) & OF_ROS
 

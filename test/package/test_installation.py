@@ -66,7 +66,8 @@ def test_the_metadata_name_what_the_library_needs_and_the_extras(installed):
     assert figures == {'matplotlib', 'pillow', 'tqdm'}
     assert (installed / 'manta_sim_ros' / 'py.typed').is_file()
     assert {path.name for path in (installed / 'bin').iterdir()} >= {
-        'sim_node', 'gait_node', 'monitor_node', 'paper_figures', 'linearize', 'report', 'simulate', 'sweep'}
+        'sim_node', 'gait_node', 'monitor_node', 'paper_figures', 'identify', 'linearize', 'report', 'simulate',
+        'sweep'}
 
 
 def test_the_library_works_without_ros_and_without_setuptools(installed, tmp_path):
@@ -93,6 +94,7 @@ print(manta_sim_ros.__file__, simulator.advance(2.0).position[0])
     ('paper_figures', ['matplotlib'], ['no module matplotlib', "pip install 'manta_sim_ros[figures]'"]),
     ('paper_figures', ['PIL'], ['no module PIL', "pip install 'manta_sim_ros[figures]'"]),
     ('paper_figures', ['tqdm'], ['no module tqdm', "pip install 'manta_sim_ros[figures]'"]),
+    ('identify', ['rosbags'], ['no module rosbags', "pip install 'manta_sim_ros[studies]'"]),
     ('sweep', ['pyarrow'], ['no module pyarrow', "pip install 'manta_sim_ros[studies]'"]),
 ])
 def test_an_executable_that_lacks_a_package_says_so_in_one_line(installed, tmp_path, executable, lacking, words):
