@@ -11,8 +11,8 @@ VENV := $(if $(filter-out kilted,$(ROS)),.venv-$(ROS),.venv)
 TOOLS := @scripts/setup.sh --dev
 PYTEST_ARGS ?=
 
-.PHONY: help sim study linearize sweep test colcon-test lint docs tables bench steering verify paper validate soak \
-  setup clean
+.PHONY: help sim study linearize sweep identify test colcon-test lint docs tables bench steering verify paper validate \
+  soak setup clean
 
 help:  ## list the targets
 	@sed -n 's/^\([a-z-]*\):.*## /\1\t/p' $(firstword $(MAKEFILE_LIST)) | expand -t 13
@@ -34,6 +34,10 @@ linearize:  ## linearize a cruise in fresh water: modes, time constants, A and B
 sweep:  ## simulate the study config/studies/amplitude_and_phase.yaml: writes build/sweep.parquet and build/sweep.png
 	@scripts/setup.sh -- sweep config/studies/amplitude_and_phase.yaml \
 	  --output build/sweep.parquet --plot build/sweep.png
+
+identify:  ## fit two hidden parameters to noisy swims, the example of docs/identify.md: writes build/identify/
+	@rm -rf build/identify && mkdir -p build/identify
+	@scripts/setup.sh -- docs/identify/example.sh build/identify
 
 test:  ## run all tests on the built package, in two processes
 	@env -u ROS_DOMAIN_ID scripts/setup.sh --dev -- scripts/test.sh $(PYTEST_ARGS)
