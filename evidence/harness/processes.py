@@ -15,7 +15,8 @@ from pathlib import Path
 
 LIMIT = 120.0
 """Longest time to wait for anything [s]: the first start compiles for half a minute."""
-LINE_OF_OTHERS = re.compile(r'^\[[A-Z]+\] \[[0-9.]+\] \[rcl\b|^(\x1b\[[0-9;]*m)*\d{4}-\d\d-\d\d .*\[RTPS_')
+COLOR = re.compile(r'\x1b\[[0-9;]*m')
+LINE_OF_OTHERS = re.compile(r'^\[[A-Z]+\] \[[0-9.]+\] \[rcl\b|^\d{4}-\d\d-\d\d .*\[RTPS_')
 """Of rcl, and of Fast DDS where a process that was killed left a file in /dev/shm."""
 
 
@@ -81,7 +82,7 @@ class NodeProcess:
         assert self.exit_status() > 0
         print(self.output)
         NodeProcess.present.remove(self)
-        return [line for line in self.output.splitlines() if not LINE_OF_OTHERS.match(line)]
+        return [line for line in self.output.splitlines() if not LINE_OF_OTHERS.match(COLOR.sub('', line))]
 
     def end(self):
         self.send(signal.SIGTERM)

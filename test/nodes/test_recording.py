@@ -25,7 +25,10 @@ pytest.importorskip('mcap')
 
 WRENCHES = ['fin_wrench', 'left_fin/wrench', 'right_fin/wrench']
 AT_EACH_TICK = ['pose', 'twist', 'odom', *WRENCHES, 'imu/data', 'pressure', 'clock']
-RATES = dict.fromkeys(AT_EACH_TICK, 100) | {'joint_states': 50, 'fin_markers': 10}  # in simulated time [Hz]
+RATES = dict.fromkeys(AT_EACH_TICK, 100) | {'joint_states': 50, 'fin_markers': 10, 'velocity': 4}
+"""Of the messages, in simulated time [Hz]."""
+
+VELOCITY_RATE = '-p velocity.rate:=4.0'  # its period divides a step
 
 GAIT = [0.7, 0.4, 0.6, 0.5, 0.7, 0.3]
 STEP = 0.5  # [s]: of more messages than a publisher's queue holds
@@ -118,7 +121,7 @@ def swim(module_launch, probe, tmp_path_factory):
     """What was recorded of a swim from rest, step by step: the messages of each topic, and when it began [ns]."""
     name = 'recorded'
     topics = {topic: f'/{name}/{topic}' for topic in RATES}
-    robot = LockstepRobot(module_launch, probe, name, '-p start_paused:=true')
+    robot = LockstepRobot(module_launch, probe, name, f'-p start_paused:=true {VELOCITY_RATE}')
     while robot.step() % round(STEP * SECOND):  # to a multiple of all periods
         pass
     assert robot.set_parameter('step_duration', STEP).successful
@@ -183,7 +186,7 @@ def test_a_recording_of_running_time_has_no_gap(launch, probe, tmp_path, start):
     name = f'heard_by_{start.__name__}'
     topics = {topic: f'/{name}/{topic}' for topic in [*RATES, 'diagnostics']}
     queues = ' '.join(f'-p qos_overrides.{topic}.publisher.depth:={QUEUE}' for topic in topics.values())
-    launch('sim_node', f'-r __ns:=/{name} -r /clock:=clock -r /diagnostics:=diagnostics {queues}')
+    launch('sim_node', f'-r __ns:=/{name} -r /clock:=clock -r /diagnostics:=diagnostics {queues} {VELOCITY_RATE}')
     types = types_on_the_graph(probe, topics.values())
     with probe.record(Clock, topics['clock']) as clock:
         probe.until(lambda: clock, 'the clock')
@@ -207,7 +210,7 @@ def test_a_recording_that_is_awaited_begins_with_the_first_output(launch, probe,
     name = f'awaited_{step_duration:g}'.replace('.', '_')
     simulator, topics = f'/{name}/manta_sim', {topic: f'/{name}/{topic}' for topic in [*RATES, 'diagnostics']}
     launch('sim_node', f'-r __ns:=/{name} -r /clock:=clock -r /diagnostics:=diagnostics -p start_paused:=true '
-                       f'-p step_duration:={step_duration}')
+                       f'-p step_duration:={step_duration} {VELOCITY_RATE}')
     warnings = []
     recorder_name = f'recorder_of_{name}'
     awaiting = threading.Thread(target=lambda: asyncio.run(run_when_recorded(
