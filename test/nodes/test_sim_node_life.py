@@ -4,6 +4,8 @@ import math
 import os
 import re
 import signal
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -14,6 +16,7 @@ from rosgraph_msgs.msg import Clock
 from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import SetBool
 
+ROBOTS = Path(__file__).parents[2] / 'evidence' / 'benchmark' / 'robots.py'
 STRAIGHT = [0.7, 0.7, 0.6, 0.6, 0.7, 0.7]
 VIOLENT = [0.8, 0.8, 4.0, 4.0, 0.7, 0.7]
 COMPILING = 'compiling the dynamics'
@@ -83,6 +86,19 @@ def test_two_robots_beside_each_other_keep_apart(launch, probe, commander):
         where = a[-1].pose.position.x
         probe.until(lambda: b[-1].pose.position.x > 0.05, 'motion of b', doing=commander('/b/fin_command', STRAIGHT))
         assert a[-1].pose.position.x > where
+
+
+def test_robots_of_one_process_have_a_clock_and_a_command_each(probe, commander):
+    process = subprocess.Popen([sys.executable, ROBOTS, 'one', 'two'])  # the package that is installed
+    try:
+        with probe.record(PoseStamped, '/one/pose') as one, probe.record(PoseStamped, '/two/pose') as two, \
+                probe.record(Clock, '/two/clock') as clock:
+            probe.until(lambda: one and two and clock, 'both robots')
+            probe.until(lambda: one[-1].pose.position.x > 0.05, 'motion', doing=commander('/one/fin_command', STRAIGHT))
+            assert two[-1].pose.position.x == 0.0
+    finally:
+        process.kill()
+        process.wait()
 
 
 def test_another_name_and_namespace_take_the_same_parameter_file(launch, probe, tmp_path):
