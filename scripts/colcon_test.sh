@@ -7,7 +7,6 @@ install_base=${COLCON_PREFIX_PATH:?source .venv/env.sh first}
 install_base=${install_base%%:*}
 build_base=build/${install_base##*/}
 rm -f "$build_base/manta_sim_ros/pytest.xml"  # results of an earlier run
-python evidence/harness/kernels.py || exit
 python -m colcon --log-base "$build_base/log" test --packages-select manta_sim_ros --paths . \
   --build-base "$build_base" --install-base "$install_base" --return-code-on-test-failure \
   --event-handlers console_direct+ desktop_notification- status- terminal_title- --pytest-args "$@"
