@@ -11,8 +11,8 @@ VENV := $(if $(filter-out kilted,$(ROS)),.venv-$(ROS),.venv)
 TOOLS := @scripts/setup.sh --dev
 PYTEST_ARGS ?=
 
-.PHONY: help sim study linearize sweep identify test colcon-test lint docs tables bench steering verify paper validate \
-  soak setup clean
+.PHONY: help sim study linearize sweep identify test colcon-test lint docs tables bench steering path verify paper \
+  validate soak setup clean
 
 help:  ## list the targets
 	@sed -n 's/^\([a-z-]*\):.*## /\1\t/p' $(firstword $(MAKEFILE_LIST)) | expand -t 13
@@ -56,6 +56,9 @@ tables:  ## write the tables of docs/ that come from the code
 
 bench:  ## compare the speed with Pinocchio, MuJoCo and NumPy: writes docs/benchmark.md
 	@env -u ROS_DOMAIN_ID scripts/setup.sh --dev -- python -m evidence.benchmark
+
+path:  ## measure how well the path follower stays near paths: prints the table of docs/control.md
+	$(TOOLS) -- python -m evidence.path_following
 
 steering:  ## measure what each input of the fins does: writes docs/controller.md
 	$(TOOLS) -- python -m evidence.steering

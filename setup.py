@@ -45,6 +45,8 @@ setup(
             'identify = manta_sim_ros.executables:identify',
             'monitor_node = manta_sim_ros.executables:monitor_node',
             'paper_figures = manta_sim_ros.executables:paper_figures',
+            'path_follower = manta_sim_ros.executables:path_follower',
+            'path_gains = manta_sim_ros.executables:path_gains',
             'report = manta_sim_ros.executables:report',
             'simulate = manta_sim_ros.executables:simulate',
             'sim_node = manta_sim_ros.executables:sim_node',

@@ -34,6 +34,18 @@ def monitor_node() -> None:
     _run('nodes.monitor_node', NEEDS_ROS)
 
 
+def path_follower() -> None:
+    """Follow a path."""
+    os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
+    _run('nodes.path_follower', NEEDS_ROS)
+
+
+def path_gains() -> None:
+    """Compute the gains of the path follower."""
+    os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
+    _run('control.design', NEEDS_STUDIES, interrupted=130)
+
+
 def paper_figures() -> None:
     """Draw the figures of the paper."""
     _run('figures.command', NEEDS_FIGURES, packages=('matplotlib', 'PIL', 'tqdm'), interrupted=130)

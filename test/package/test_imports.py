@@ -64,9 +64,10 @@ def test_the_papers_figures_need_nothing_of_ros(tmp_path):
     assert not set(names) & OF_ROS
 
 
-@pytest.mark.parametrize('module', ['identify', 'linearize', 'sweep'])
-def test_these_studies_need_nothing_of_ros(module, tmp_path):
-    names = run_python(IMPORT.replace('manta_sim_ros.dynamics', f'manta_sim_ros.studies.{module}'), tmp_path)
+@pytest.mark.parametrize('module', [
+    'studies.identify', 'studies.linearize', 'studies.sweep', 'control.closed_loop', 'control.design'])
+def test_these_studies_and_control_need_nothing_of_ros(module, tmp_path):
+    names = run_python(IMPORT.replace('manta_sim_ros.dynamics', f'manta_sim_ros.{module}'), tmp_path)
     assert not set(names.stdout.split()) & OF_ROS
 
 
@@ -79,7 +80,9 @@ def test_every_import_of_the_library_is_of_itself_or_allowed(path):
 
 @pytest.mark.parametrize('path', sources('manta_sim_ros'))
 def test_the_package_imports_as_its_folders_say(path):
-    rooms = {'nodes': [*SHARED, 'manta_sim_ros.nodes'], 'figures': [*SHARED, 'manta_sim_ros.figures'],
+    rooms = {'nodes': [*SHARED, 'manta_sim_ros.control', 'manta_sim_ros.nodes'],
+             'control': [*SHARED, 'manta_sim_ros.control', 'manta_sim_ros.studies'],
+             'figures': [*SHARED, 'manta_sim_ros.figures'],
              'dynamics': ['manta_sim_ros.dynamics'], 'studies': ['manta_sim_ros']}
     room = path.relative_to(PACKAGE).parts[0]
     names = imported(path)

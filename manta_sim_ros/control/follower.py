@@ -1,0 +1,174 @@
+"""The path follower: line-of-sight guidance, and regulators of heading, height and speed."""
+
+from __future__ import annotations
+
+import itertools
+import math
+
+import numpy as np
+
+from manta_sim_ros.control.averaging import PeriodAverage
+from manta_sim_ros.control.polyline import Polyline, Projection
+from manta_sim_ros.control.settings import FollowerSettings
+from manta_sim_ros.dynamics import FinCommand, FloatArray, Parameters, Simulator
+
+SEARCHED = 2.0
+"""Length of the path in which the nearest point is searched, in lookahead distances."""
+
+ARRIVED = 0.02
+"""Distance from the end of the path at which it counts as followed [m]."""
+
+
+CURRENT_TIME = 8.0
+"""Time constant of the estimate of the current [s], a few flapping periods."""
+
+LARGEST_CRAB = 0.8
+"""Largest part of the speed that is spent against a current across the path."""
+
+
+class Loop:
+    """A control with an integral, a limit and a limited rate.
+
+    The integral stands still while the control is at its limit and the error drives it further.
+
+    Parameters
+    ----------
+    gains
+        Of the states, the last one of the integral.
+    low, high
+        Limits of the control.
+    rate
+        Fastest change of the control, per second.
+
+    """
+
+    def __init__(self, gains: tuple[float, ...], low: float, high: float, rate: float) -> None:
+        self.gains = np.array(gains)
+        self.integral = self.control = 0.0
+        self._low, self._high, self._rate = low, high, rate
+
+    def update(self, elapsed: float, wanted: float, error: float) -> float:
+        """Return the control after `elapsed` [s] on its way to the one that is wanted, and integrate the error."""
+        held = min(max(wanted, self._low), self._high)
+        if -self.gains[-1] * error * (wanted - held) <= 0.0:
+            self.integral += elapsed * error
+        step = self._rate * elapsed
+        self.control += min(max(held - self.control, -step), step)
+        return self.control
+
+    def regulate(self, elapsed: float, states: list[float]) -> float:
+        """Return the control that drives these states, of which the last one is integrated, to zero."""
+        return self.update(elapsed, -float(self.gains @ [*states, self.integral]), states[-1])
+
+
+class PathFollower:
+    """Follows a path in space with the gaits of both fins.
+
+    Parameters
+    ----------
+    path
+        The path.
+    settings
+        Limits, cruise and gains.
+    parameters
+        All values of the model, whose mechanism limits the gaits.
+
+    Raises
+    ------
+    ValueError
+        The rods cannot follow a gait within the limits; names the value and the bound.
+
+    """
+
+    def __init__(
+        self, path: Polyline, settings: FollowerSettings | None = None, parameters: Parameters | None = None,
+    ) -> None:
+        self.path = path
+        self.settings = settings = FollowerSettings() if settings is None else settings
+        check_limits(settings, Parameters() if parameters is None else parameters)
+        self._average = PeriodAverage(settings.period)
+        rate = settings.rate_limit
+        self._steering = Loop(settings.steering_gains, -settings.largest_steering, settings.largest_steering, rate)
+        self._bias = Loop(settings.depth_gains, -settings.largest_bias, settings.largest_bias, rate)
+        self._amplitude = Loop(settings.speed_gains, 0.0, settings.largest_amplitude, rate)
+        self._station = 0.0
+        self._time = math.nan
+        self.current = np.zeros(2)
+        """(2,) velocity of the water that the drift to the side shows [m/s], world frame."""
+
+    def follow(self, path: Polyline) -> None:
+        """Follow another path from now on, from its beginning; what is known of the current is kept."""
+        self.path, self._station = path, 0.0
+
+    @property
+    def finished(self) -> bool:
+        """Whether the end of the path was reached."""
+        return self._station >= self.path.length - ARRIVED
+
+    def observe(self, time: float, position: FloatArray, orientation: FloatArray, twist: FloatArray) -> None:
+        """Take a sample: time [s], position (3,) [m], orientation (x, y, z, w), twist (6,) in the body frame."""
+        self._average.add(time, position, orientation, twist)
+
+    def command(self, time: float) -> tuple[FinCommand, FinCommand]:
+        """Return the gaits of both fins at a time [s], after one sample or more; at rest at the end of the path."""
+        elapsed = time - self._time if time > self._time else 0.0  # also at the first time, and when it goes back
+        self._time = time
+        motion = self._average.mean
+        lookahead = self.settings.lookahead
+        where = self.path.project(motion.position, self._station, self._station + SEARCHED * lookahead)
+        self._station = where.station
+        if self.finished:
+            return self.glide()
+        u, v, w, p, q, r = motion.twist.tolist()
+        roll, pitch, heading = motion.attitude.tolist()
+        forward = np.array([math.cos(heading), math.sin(heading)])
+        left = np.array([-forward[1], forward[0]])
+        drift = v - self.settings.sideslip * r - float(left @ self.current)
+        self.current += min(elapsed / CURRENT_TIME, 1.0) * drift * left
+        steering = self._steer(elapsed, [v - float(left @ self.current), p, r, roll], heading, where)
+        bias = self._bias.regulate(elapsed, [w, q, pitch, where.height])
+        amplitude = self._amplitude.regulate(elapsed, [u - float(forward @ self.current) - self.settings.speed])
+        return self._gait(amplitude, -steering, bias), self._gait(amplitude, steering, bias)
+
+    def glide(self) -> tuple[FinCommand, FinCommand]:
+        """Return the gaits with which the robot glides to rest, and forget how it moved."""
+        self._time = math.nan
+        self._average.clear()
+        for loop in (self._steering, self._bias, self._amplitude):
+            loop.control = 0.0
+        return self._gait(0.0, 0.0, 0.0), self._gait(0.0, 0.0, 0.0)
+
+    def _gait(self, amplitude: float, steering: float, bias: float) -> FinCommand:
+        return FinCommand(amplitude, self.settings.frequency, self.settings.phase + steering, bias, -bias)
+
+    def _steer(self, elapsed: float, states: list[float], heading: float, where: Projection) -> float:
+        """Return the steering: the regulator near the path, and far from it a limited angle to the path."""
+        loop, path = self._steering, self.path
+        of_heading, of_error, of_integral = loop.gains[-3:]
+        angle = math.atan((of_error * where.cross_track + of_integral * loop.integral) / of_heading)
+        course = path.course(where.station, self.settings.lookahead) - angle
+        across = float(self.current @ [-math.sin(course), math.cos(course)]) / self.settings.speed
+        crab = math.asin(min(max(across, -LARGEST_CRAB), LARGEST_CRAB))
+        turn = math.remainder(heading - course + crab, 2.0 * math.pi)
+        wanted = -float(loop.gains[:-3] @ states) - of_heading * turn
+        near = abs(where.cross_track) < of_heading / of_error
+        return loop.update(elapsed, wanted, where.cross_track if near else 0.0)
+
+
+def check_limits(settings: FollowerSettings, parameters: Parameters) -> None:
+    """Refuse settings whose gaits, up to the limits, the rods cannot follow.
+
+    Raises
+    ------
+    ValueError
+        Names the value and the bound.
+
+    """
+    simulator = Simulator(parameters)
+    for steering, bias in itertools.product(
+            (-settings.largest_steering, settings.largest_steering), (-settings.largest_bias, settings.largest_bias)):
+        fin = FinCommand(settings.largest_amplitude, settings.frequency, settings.phase + steering, bias, -bias)
+        try:
+            simulator.command(left=fin, right=fin)
+        except ValueError as error:
+            raise ValueError(f'at the limits of the path follower: {error}') from error

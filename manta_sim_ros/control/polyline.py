@@ -1,0 +1,114 @@
+"""A path in space: straight legs between waypoints, measured along the horizontal plane."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from manta_sim_ros.dynamics import FloatArray, shown
+
+SHORTEST_LEG = 0.01
+"""Least horizontal length of a leg [m]."""
+
+STEEPEST = 0.2
+"""Largest slope of a leg: the robot climbs with a fifth of its speed."""
+
+FARTHEST = 1e5
+"""Bound of the coordinates of a waypoint [m]."""
+
+MOST_WAYPOINTS = 100_000
+
+
+class Polyline:
+    """A path of straight legs.
+
+    Parameters
+    ----------
+    waypoints
+        (n, 3) positions [m], world frame, n at least 2.
+
+    Raises
+    ------
+    ValueError
+        There are less than two or too many waypoints, a coordinate is not finite or out of its bounds, or a leg is too
+        short or too steep; names the waypoint, the value and the bound.
+
+    """
+
+    def __init__(self, waypoints: Sequence[Sequence[float]] | FloatArray) -> None:
+        if not 2 <= len(waypoints) <= MOST_WAYPOINTS:
+            raise ValueError(f'the path has {len(waypoints)} waypoints, but must have from 2 to {MOST_WAYPOINTS}')
+        for index, waypoint in enumerate(waypoints):
+            try:
+                fits = len(waypoint) == 3 and all(abs(value) <= FARTHEST for value in waypoint)
+            except TypeError:  # of no length, or not numbers
+                fits = False
+            if not fits:
+                raise ValueError(
+                    f'waypoint {index} is {shown(waypoint)}, but must be three numbers from {-FARTHEST:g} to '
+                    f'{FARTHEST:g} m')
+        self.waypoints = np.array(waypoints, dtype=float)
+        legs = np.diff(self.waypoints, axis=0)
+        lengths = np.hypot(legs[:, 0], legs[:, 1])
+        for index, (length, climb) in enumerate(zip(lengths, legs[:, 2], strict=True)):
+            if not length >= SHORTEST_LEG:
+                raise ValueError(
+                    f'waypoint {index + 1} is {length:g} m from the one before in the horizontal plane, but must be at '
+                    f'least {SHORTEST_LEG:g} m')
+            if not abs(climb) <= STEEPEST * length:
+                raise ValueError(
+                    f'the leg to waypoint {index + 1} has a slope of {climb / length:g}, but must be within '
+                    f'+-{STEEPEST:g}')
+        self._lengths = lengths
+        self._stations = np.concatenate([[0.0], np.cumsum(lengths)])
+
+    @property
+    def length(self) -> float:
+        """Horizontal length of the path [m]."""
+        return float(self._stations[-1])
+
+    def point(self, station: float) -> FloatArray:
+        """Return the point (3,) at a station: at this horizontal length from the beginning [m]."""
+        return np.array([np.interp(station, self._stations, axis) for axis in self.waypoints.T])
+
+    def course(self, station: float, ahead: float) -> float:
+        """Return the course from a station to a point ahead of it by this length [rad].
+
+        It is 0 along x and positive to the left. So a corner is rounded. At the end of the path, it is the course of
+        the last leg.
+        """
+        first = min(station, self.length - SHORTEST_LEG)
+        x, y, _ = self.point(min(first + ahead, self.length)) - self.point(first)
+        return math.atan2(y, x)
+
+    def project(self, position: Sequence[float] | FloatArray, begin: float, end: float) -> Projection:
+        """Return the point of the path nearest to a position (3,) [m] in the horizontal plane, between two stations."""
+        end = min(end, self.length)
+        first = max(0, int(np.searchsorted(self._stations, begin, side='right')) - 1)
+        last = int(np.searchsorted(self._stations, end, side='left'))
+        legs = slice(min(first, len(self._lengths) - 1), max(last, first + 1))
+        starts, lengths = self._stations[:-1][legs], self._lengths[legs]
+        directions = np.diff(self.waypoints, axis=0)[legs, :2] / lengths[:, np.newaxis]
+        offsets = np.asarray(position)[:2] - self.waypoints[:-1][legs, :2]
+        along = np.sum(offsets * directions, axis=1)
+        held = np.clip(along, np.maximum(begin - starts, 0.0), np.minimum(end - starts, lengths))
+        distances = np.linalg.norm(offsets - held[:, np.newaxis] * directions, axis=1)
+        nearest = int(np.argmin(distances))
+        station = float(starts[nearest] + held[nearest])
+        x, y = directions[nearest]
+        left = math.copysign(distances[nearest], x * offsets[nearest, 1] - y * offsets[nearest, 0])
+        return Projection(station, left, float(np.asarray(position)[2] - self.point(station)[2]))
+
+
+class Projection(NamedTuple):
+    """Where a position is relative to the path."""
+
+    station: float
+    """Of the nearest point [m]."""
+    cross_track: float
+    """Horizontal distance [m], positive on the left of the path."""
+    height: float
+    """Above the path [m]."""

@@ -1,0 +1,125 @@
+"""The path follower in closed loop with the simulator, without ROS: errors, limits, gains, refusals."""
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+
+from evidence.path_following import CASES, LARGEST_HEIGHT_ERROR, PATHS, ROBOTS
+from manta_sim_ros.control.averaging import PeriodAverage
+from manta_sim_ros.control.closed_loop import CONTROL_PERIOD
+from manta_sim_ros.control.design import design
+from manta_sim_ros.control.follower import Loop, PathFollower
+from manta_sim_ros.control.polyline import Polyline
+from manta_sim_ros.control.settings import FollowerSettings
+
+
+@pytest.mark.parametrize('case', CASES, ids=lambda case: f'{case.path}, {case.robot}, {case.current}')
+def test_the_robot_stays_near_the_path_within_its_limits(case):
+    flight = case.fly()
+    _, settings = ROBOTS[case.robot]
+    assert flight.finished
+    cross_track, height = case.errors(flight)
+    assert cross_track < case.bound
+    assert height < LARGEST_HEIGHT_ERROR
+    angles = flight.commands[:, :, [0, 2, 3, 4]]
+    assert np.abs(np.diff(angles[:-1], axis=0)).max() < settings.rate_limit * CONTROL_PERIOD + 1e-9
+    assert angles[:, :, 0].max() <= settings.largest_amplitude
+    assert np.abs(angles[:, :, 1] - settings.phase).max() <= settings.largest_steering + 1e-9
+    assert np.abs(angles[:, :, 2:]).max() <= settings.largest_bias
+
+
+@pytest.mark.parametrize('robot', ROBOTS)
+def test_the_gains_are_those_of_the_linear_model(robot):
+    parameters, settings = ROBOTS[robot]
+    computed = design(parameters, FollowerSettings(amplitude=settings.amplitude))
+    for name in ('speed', 'sideslip', 'steering_gains', 'depth_gains', 'speed_gains'):
+        np.testing.assert_allclose(getattr(settings, name), getattr(computed, name), rtol=0.02, atol=1e-3)
+
+
+def test_the_mean_over_a_period_has_nothing_of_the_stroke_and_no_jump_of_the_heading():
+    average = PeriodAverage(2.0)
+    for step in range(101):
+        time = 0.1 * step
+        heading = 3.0 + 0.2 * time + 0.3 * math.sin(math.pi * time)
+        quaternion = np.array([0.0, 0.0, math.sin(0.5 * heading), math.cos(0.5 * heading)])
+        average.add(time, np.full(3, math.cos(math.pi * time)), quaternion, np.full(6, 1.0 + math.sin(math.pi * time)))
+    mean = average.mean
+    np.testing.assert_allclose(mean.position, 0.0, atol=1e-12)
+    np.testing.assert_allclose(mean.twist, 1.0, atol=1e-12)
+    np.testing.assert_allclose(mean.attitude, [0.0, 0.0, 3.0 + 0.2 * 9.05], atol=1e-12)
+
+
+def test_when_time_goes_back_the_mean_begins_again():
+    average = PeriodAverage(2.0)
+    for time, place in ((5.0, 7.0), (1.0, 3.0)):
+        average.add(time, np.full(3, place), np.array([0.0, 0.0, 0.0, 1.0]), np.zeros(6))
+    np.testing.assert_array_equal(average.mean.position, 3.0)
+
+
+def test_the_integral_does_not_wind_up_at_the_limit():
+    loop = Loop((1.0, 0.1), -0.5, 0.5, rate=10.0)
+    for _ in range(1000):
+        loop.regulate(0.1, [2.0])
+    assert loop.control == -0.5 and loop.integral == 0.0
+    for _ in range(10):
+        loop.regulate(0.1, [0.1])
+    assert loop.control == pytest.approx(-0.1, abs=0.02)
+    assert loop.integral == pytest.approx(0.1)
+
+
+def test_at_the_end_and_without_odometry_the_robot_glides_to_rest():
+    follower = PathFollower(Polyline([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]]))
+    level = np.array([0.0, 0.0, 0.0, 1.0])
+    follower.observe(0.0, np.zeros(3), level, np.zeros(6))
+    follower.command(0.0)
+    follower.observe(0.1, np.zeros(3), level, np.zeros(6))
+    assert follower.command(0.1)[0].amplitude > 0.0
+    assert [fin.amplitude for fin in follower.glide()] == [0.0, 0.0]
+    follower.observe(20.0, np.array([1.1, 0.0, 0.0]), level, np.zeros(6))
+    assert follower.command(20.0)[0].amplitude == 0.0 and follower.finished
+
+
+def test_another_path_is_followed_without_a_break_of_the_stroke():
+    follower = PathFollower(Polyline([[0.0, 0.0, 0.0], [5.0, 0.0, 0.0]]))
+    for step in range(10):
+        follower.observe(0.1 * step, np.zeros(3), np.array([0.0, 0.0, 0.0, 1.0]), np.zeros(6))
+        before, _ = follower.command(0.1 * step)
+    follower.follow(Polyline([[0.0, 0.0, 0.0], [0.0, 5.0, 0.0]]))
+    left, right = follower.command(1.0)
+    assert left.amplitude == pytest.approx(before.amplitude, abs=0.1) and before.amplitude > 0.2
+    assert left.phase < right.phase  # to the left
+
+
+def test_a_path_is_rounded_at_its_corners_and_has_two_sides():
+    path = Polyline([[0.0, 0.0, 0.0], [2.0, 0.0, 0.2], [2.0, 2.0, 0.2]])
+    assert path.length == 4.0
+    assert path.course(0.0, 1.0) == 0.0
+    assert path.course(1.5, 1.0) == pytest.approx(math.pi / 4.0)
+    assert path.course(4.0, 1.0) == pytest.approx(math.pi / 2.0)
+    assert path.project([1.0, 0.3, 0.0], 0.0, 4.0) == pytest.approx((1.0, 0.3, -0.1))
+    assert path.project([2.5, 1.0, 0.5], 0.0, 4.0) == pytest.approx((3.0, -0.5, 0.3))
+    assert path.project([2.5, 1.0, 0.5], 0.0, 1.0).station == 1.0  # not beyond what is searched
+
+
+@pytest.mark.parametrize(('waypoints', 'words'), [
+    ([], ['0 waypoints', 'from 2']),
+    ([[0.0, 0.0, 0.0]], ['1 waypoints', 'from 2']),
+    ([[0.0, 0.0, 0.0], [1.0, math.nan, 0.0]], ['waypoint 1', 'nan', '100000 m']),
+    ([[0.0, 0.0, 0.0], [1.0, 0.0]], ['waypoint 1', 'three numbers']),
+    ([[0.0, 0.0, 0.0], 'up'], ['waypoint 1', "'up'", 'three numbers']),
+    ([[0.0, 0.0, 0.0], 3.0], ['waypoint 1', '3.0', 'three numbers']),
+    ([[0.0, 0.0, 0.0], [0.0, 0.0, 1.0]], ['waypoint 1', '0 m', 'at least 0.01 m']),
+    ([[0.0, 0.0, 0.0], [1.0, 0.0, 0.5]], ['waypoint 1', 'slope of 0.5', '0.2']),
+])
+def test_a_path_that_cannot_be_followed_is_refused(waypoints, words):
+    with pytest.raises(ValueError) as refused:
+        Polyline(waypoints)
+    assert all(word in str(refused.value) for word in words)
+
+
+def test_limits_beyond_the_mechanism_are_refused():
+    settings = dataclasses.replace(FollowerSettings(), largest_amplitude=1.0, largest_bias=0.5, largest_steering=1.0)
+    with pytest.raises(ValueError, match='at the limits of the path follower: left amplitude .* closes only below'):
+        PathFollower(Polyline(PATHS['straight']), settings)
