@@ -11,10 +11,12 @@ import re
 import sys
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
+from typing import Any
 
 import yaml
 
 from evidence.report import table
+from manta_sim_ros.control.settings import FollowerSettings
 from manta_sim_ros.dynamics import Quantity
 from manta_sim_ros.nodes.interface import SERVICES, TOPICS
 from manta_sim_ros.nodes.settings import Settings
@@ -45,6 +47,19 @@ def parameters() -> str:
         (f'`{name}`', f'`{_shown(settings.value(name))}`', about.unit, _bounds(about),
          'yes' if about.live else 'no', about.description, about.source)
         for name, about in Settings.quantities().items()))
+
+
+def follower_parameters() -> str:
+    """Return the parameters of the path follower that its loops use."""
+    settings = FollowerSettings()
+    return table(('parameter', 'default', 'unit', 'bounds', 'meaning', 'source'), (
+        (f'`{name}`', f'`{_shown(_rounded(getattr(settings, name)))}`', about.unit, _bounds(about), about.description,
+         about.source)
+        for name, about in FollowerSettings.quantities().items()))
+
+
+def _rounded(value: Any) -> Any:
+    return float(f'{value:.4g}') if isinstance(value, float) else value
 
 
 def _shown(value: object) -> str:
@@ -137,6 +152,7 @@ TABLES: dict[str, Callable[[], str]] = {
     'parameters': parameters,
     'sim.launch.py': lambda: arguments_table(launch_arguments('sim.launch.py')),
     'two_mantas.launch.py': lambda: arguments_table(two_mantas()),
+    'path follower': follower_parameters,
     'equations': equations,
 }
 

@@ -1,0 +1,183 @@
+"""The node `manta_path_follower`: it follows a path in space with `fin_command`, from `odom` alone, as on the robot."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path as FilePath
+from typing import Any
+
+import numpy as np
+import rclpy
+import yaml
+from nav_msgs.msg import Odometry, Path
+from std_msgs.msg import Float64MultiArray
+
+from manta_sim_ros.control.closed_loop import CONTROL_PERIOD
+from manta_sim_ros.control.follower import PathFollower, check_limits
+from manta_sim_ros.control.polyline import Polyline
+from manta_sim_ros.control.settings import FollowerSettings
+from manta_sim_ros.dynamics import FinCommand, Parameters, cut, shown
+from manta_sim_ros.nodes.messages import seconds
+from manta_sim_ros.nodes.parameters import ParameterNode, declare_value, descriptor
+from manta_sim_ros.nodes.process import run_node
+from manta_sim_ros.nodes.qos import publisher, subscription
+from manta_sim_ros.nodes.refusals import Refusals
+
+LARGEST_MISSION = 1_000_000
+"""Largest size of a mission file [bytes]."""
+
+QUEUE_DEPTH = 1
+
+
+def waypoints_of(message: Path, frame: str) -> list[list[float]]:
+    """Return the positions [m] of a path in this frame.
+
+    Raises
+    ------
+    ValueError
+        The path is in another frame; names both.
+
+    """
+    if message.header.frame_id != frame:
+        raise ValueError(f'header.frame_id is {shown(message.header.frame_id)}, but must be {shown(frame)}')
+    positions = [stamped.pose.position for stamped in message.poses]
+    return [[position.x, position.y, position.z] for position in positions]
+
+
+def read_mission(file: str) -> Polyline:
+    """Return the path of a mission file, a YAML file with `waypoints: [[x, y, z], ...]` [m].
+
+    Raises
+    ------
+    ValueError
+        The file cannot be read, or is no such file; names it and what is wrong.
+
+    """
+    try:
+        if FilePath(file).stat().st_size > LARGEST_MISSION:
+            raise ValueError(f'has more than {LARGEST_MISSION} bytes')
+        content = yaml.safe_load(FilePath(file).read_text(encoding='utf-8'))
+        waypoints = content.get('waypoints') if isinstance(content, dict) and len(content) == 1 else None
+        if not isinstance(waypoints, list):
+            raise ValueError("must have a list 'waypoints' and nothing else")
+        return Polyline(waypoints)
+    except (OSError, RecursionError, ValueError, yaml.YAMLError) as error:
+        raise ValueError(f'mission {shown(file)}: {cut(" ".join(str(error).split()))}') from error
+
+
+class PathFollowerNode(ParameterNode):
+    """Follows the last path that it was given, and glides to rest at its end or when no odometry comes.
+
+    Raises
+    ------
+    ValueError
+        A parameter or the mission is invalid; names the value and the bound.
+
+    """
+
+    def __init__(self) -> None:
+        super().__init__('manta_path_follower')
+        self._settings = self._declared_settings()
+        self._frame: str = declare_value(self, 'odom_frame', 'odom', 'frame of odom and of the path')
+        self._timeout: float = declare_value(
+            self, 'odom_timeout', 1.0, 'time without odom after which the robot glides to rest [s], from 0.05 to 60')
+        if not 0.05 <= self._timeout <= 60.0:
+            raise ValueError(f'odom_timeout is {self._timeout} s, but must be from 0.05 to 60 s')
+        robot = declare_value(
+            self, 'robot', '', 'parameter file of the robot, whose mechanism limits the gaits; empty: the defaults')
+        mission = declare_value(self, 'mission', '', 'file with the waypoints to begin with; empty: wait for a path')
+        try:
+            self._robot = Parameters.from_yaml(robot) if robot else Parameters()
+        except OSError as error:
+            raise ValueError(f'robot {shown(robot)}: {error}') from error
+        check_limits(self._settings, self._robot)
+        self._follower: PathFollower | None = None
+        self._commanded = -math.inf  # stamp of the odometry [s]
+        self._heard = math.nan  # time of the node [s]
+        self._gliding = False
+        warn = self.get_logger().warning
+        self._bad_paths = Refusals(warn, 'path', 'what was followed goes on')
+        self._bad_odometry = Refusals(warn, 'odom', 'it is not used')
+        if mission:
+            self._follow(read_mission(mission))
+        self._publisher = publisher(self, 'fin_command')
+        subscription(self, 'odom', self._take)
+        self.create_subscription(Path, 'path', self._take_path, QUEUE_DEPTH)
+        self._timer = self.create_timer(CONTROL_PERIOD, self._watch)
+        self.warn_of_unknown_parameters()
+
+    def _declared_settings(self) -> FollowerSettings:
+        known = FollowerSettings.quantities()
+        settings = FollowerSettings(**{name: value for name, value in self.given.items() if name in known})
+        for name, about in known.items():
+            value: Any = getattr(settings, name)
+            self.declare_parameter(
+                name, list(value) if isinstance(value, tuple) else value, descriptor(about), ignore_override=True)
+        return settings
+
+    def _follow(self, path: Polyline) -> None:
+        if self._follower is None:
+            self._follower = PathFollower(path, self._settings, self._robot)
+        else:
+            self._follower.follow(path)
+        self.get_logger().info(f'following a path of {path.length:.2f} m')
+
+    def _take_path(self, message: Path) -> None:
+        try:
+            self._follow(Polyline(waypoints_of(message, self._frame)))
+        except ValueError as error:
+            self._bad_paths.add(error)
+
+    def _take(self, message: Odometry) -> None:
+        pose, twist = message.pose.pose, message.twist.twist
+        position, orientation, linear, angular = (
+            [getattr(vector, axis) for axis in axes] for vector, axes in (
+                (pose.position, 'xyz'), (pose.orientation, 'xyzw'), (twist.linear, 'xyz'), (twist.angular, 'xyz')))
+        values = [*position, *orientation, *linear, *angular]
+        if message.header.frame_id != self._frame:
+            self._bad_odometry.add(
+                f'header.frame_id is {shown(message.header.frame_id)}, but must be {shown(self._frame)}')
+        elif not all(map(math.isfinite, values)) or not any(orientation):
+            self._bad_odometry.add(f'pose and twist are {shown(values)}, but must be finite, with an orientation')
+        elif self._follower is not None:
+            self._control(self._follower, seconds(message.header.stamp), values)
+        else:
+            self._hear()
+
+    def _hear(self) -> None:
+        self._heard = self._now()
+        if self._gliding:
+            self._gliding = False
+            self.get_logger().info('odom is back')
+
+    def _control(self, follower: PathFollower, stamp: float, values: list[float]) -> None:
+        self._hear()
+        follower.observe(stamp, np.array(values[:3]), np.array(values[3:7]), np.array(values[7:]))
+        if 0.0 <= stamp - self._commanded < CONTROL_PERIOD - 1e-6:
+            return
+        self._commanded = stamp
+        before = follower.finished
+        self._publish(follower.command(stamp))
+        if follower.finished and not before:
+            self.get_logger().info('the end of the path is reached: the robot glides to rest')
+
+    def _watch(self) -> None:
+        """Let the robot glide to rest when no odometry comes."""
+        if self._follower is None or not self._now() - self._heard > self._timeout:
+            return
+        if not self._gliding:
+            self._gliding = True
+            self.get_logger().warning(f'no odom for more than {self._timeout:g} s: the robot glides to rest')
+        self._publish(self._follower.glide())
+
+    def _publish(self, gaits: tuple[FinCommand, FinCommand]) -> None:
+        left, right = (gait.as_array() for gait in gaits)
+        self._publisher.publish(Float64MultiArray(data=np.column_stack([left, right]).ravel().tolist()))
+
+    def _now(self) -> float:
+        return float(self.get_clock().now().nanoseconds * 1e-9)
+
+
+def main(args: list[str] | None = None) -> None:
+    """Run the node until it is interrupted."""
+    run_node(PathFollowerNode, lambda node: None, rclpy.spin, args)
