@@ -31,7 +31,7 @@ HEIGHT, HEIGHT_INTEGRAL = 0.1, 1.5  # m, m s
 SPEED, SPEED_INTEGRAL = 0.1, 0.3  # m/s, m
 
 
-def gains(model: LinearModel) -> dict[str, float | tuple[float, ...]]:
+def gains(model: LinearModel) -> dict[str, tuple[float, ...]]:
     """Return the gains of FollowerSettings by name: linear-quadratic regulators of the motion per flapping period.
 
     The dynamics of each are a block of `body_A`. Heading, cross-track error and height are integrals of means over a
@@ -47,9 +47,7 @@ def gains(model: LinearModel) -> dict[str, float | tuple[float, ...]]:
     depth.add_integral(T * depth.last)
     speed = _Block(model, ('u',), AMPLITUDE)
     speed.add_integral(T * speed.mean('u'))
-    v, r = model.states.index('v'), model.states.index('r')
     return {
-        'sideslip': float(model.body_A[v, r] / (1.0 - model.body_A[v, v])),
         'steering_gains': steering.regulator(LARGEST_STEERING, HEADING, CROSS_TRACK, CROSS_TRACK_INTEGRAL),
         'depth_gains': depth.regulator(LARGEST_BIAS, HEIGHT, HEIGHT_INTEGRAL),
         'speed_gains': speed.regulator(LARGEST_AMPLITUDE, SPEED, SPEED_INTEGRAL),
@@ -123,18 +121,13 @@ def design(parameters: Parameters, settings: FollowerSettings) -> FollowerSettin
     """
     model = linearize(parameters, settings.cruise, settings.cruise)
     rounded: dict[str, Any] = {
-        name: tuple(map(_rounded, value)) if isinstance(value, tuple) else _rounded(value)
-        for name, value in gains(model).items()}
+        name: tuple(float(f'{gain:.4g}') for gain in values) for name, values in gains(model).items()}
     return dataclasses.replace(settings, speed=math.floor(100.0 * model.means[0]) / 100.0, **rounded)
-
-
-def _rounded(value: float) -> float:
-    return float(f'{value:.4g}')
 
 
 def parameter_file(settings: FollowerSettings) -> str:
     """Return the cruise, the speed and the gains as a parameter file of ROS 2."""
-    names = ('amplitude', 'frequency', 'phase', 'speed', 'sideslip', 'steering_gains', 'depth_gains', 'speed_gains')
+    names = ('amplitude', 'frequency', 'phase', 'speed', 'steering_gains', 'depth_gains', 'speed_gains')
     values = {name: getattr(settings, name) for name in names}
     lines = (f'    {name}: {list(value) if isinstance(value, tuple) else f"{value:.4g}"}'
              for name, value in values.items())

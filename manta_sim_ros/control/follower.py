@@ -123,7 +123,7 @@ class PathFollower:
         roll, pitch, heading = motion.attitude.tolist()
         forward = np.array([math.cos(heading), math.sin(heading)])
         left = np.array([-forward[1], forward[0]])
-        drift = v - self.settings.sideslip * r - float(left @ self.current)
+        drift = v - float(left @ self.current)
         self.current += min(elapsed / CURRENT_TIME, 1.0) * drift * left
         steering = self._steer(elapsed, [v - float(left @ self.current), p, r, roll], heading, where)
         bias = self._bias.regulate(elapsed, [w, q, pitch, where.height])

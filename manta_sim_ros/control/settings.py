@@ -51,9 +51,6 @@ class FollowerSettings(ParameterGroup):
     rate_limit: float = quantity(
         1.0, unit='rad/s', low=0.01, high=10.0,
         description='fastest change of amplitude, steering and bias', source='well below the rates of the stroke')
-    sideslip: float = quantity(
-        -0.2793, unit='m', low=-10.0, high=10.0,
-        description='velocity to the left per yaw rate in a turn; the rest of it is taken for a current', source=GAINS)
     steering_gains: tuple[float, ...] = quantity(
         (0.4185, -0.1705, 1.692, 0.1336, 0.8153, 0.5444, 0.02729), low=-100.0, high=100.0,
         description='steering [rad] per v, p, r, roll, heading, cross-track error and its integral [SI, rad]',
