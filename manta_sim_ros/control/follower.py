@@ -19,7 +19,7 @@ ARRIVED = 0.02
 """Distance from the end of the path at which it counts as followed [m]."""
 
 
-CURRENT_TIME = 8.0
+CURRENT_TIME = 6.0
 """Time constant of the estimate of the current [s], a few flapping periods."""
 
 LARGEST_CRAB = 0.8

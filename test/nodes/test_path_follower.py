@@ -57,7 +57,7 @@ class Robot:
         self._node = probe.node
         self._time = 0  # [ms]
         self.silent = False
-        self.frame = 'odom'
+        self.frame, self.height = 'odom', 0.0
 
     def close(self):
         for publisher in (self._clock, self._odom, self.paths):
@@ -68,7 +68,7 @@ class Robot:
         message = Odometry()
         message.header.frame_id = self.frame
         message.header.stamp.sec, message.header.stamp.nanosec = self._time // 1000, self._time % 1000 * 1_000_000
-        message.pose.pose.orientation.w = 1.0
+        message.pose.pose.position.z, message.pose.pose.orientation.w = self.height, 1.0
         if not self.silent:
             self._odom.publish(message)
         self._clock.publish(Clock(clock=message.header.stamp))
@@ -117,6 +117,8 @@ def test_bad_paths_and_odometry_are_refused_in_one_line(launch, probe, robot):
                     doing=lambda bad=bad: robot.paths.publish(bad), every=1.1)
     robot.frame = 'map'
     probe.until(lambda: 'odom refused, it is not used' in node.output, 'a refusal', doing=robot.tick)
+    robot.frame, robot.height = 'odom', math.nan
+    probe.until(lambda: 'nan' in node.output and 'must be finite' in node.output, 'another', doing=robot.tick)
     assert 'Traceback' not in node.output
 
 

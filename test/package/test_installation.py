@@ -66,8 +66,8 @@ def test_the_metadata_name_what_the_library_needs_and_the_extras(installed):
     assert figures == {'matplotlib', 'pillow', 'tqdm'}
     assert (installed / 'manta_sim_ros' / 'py.typed').is_file()
     assert {path.name for path in (installed / 'bin').iterdir()} >= {
-        'sim_node', 'gait_node', 'monitor_node', 'paper_figures', 'identify', 'linearize', 'path_follower', 'path_gains',
-        'report', 'simulate', 'sweep'}
+        'sim_node', 'gait_node', 'monitor_node', 'paper_figures', 'identify', 'linearize', 'path_follower',
+        'path_gains', 'report', 'simulate', 'sweep'}
 
 
 def test_the_library_works_without_ros_and_without_setuptools(installed, tmp_path):
