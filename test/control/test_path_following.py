@@ -6,13 +6,14 @@ import math
 import numpy as np
 import pytest
 
-from evidence.path_following import CASES, LARGEST_HEIGHT_ERROR, PATHS, ROBOTS
+from evidence.path_following import CASES, CONFIG, FOR_PAPER, LARGEST_HEIGHT_ERROR, PATHS, ROBOTS
 from manta_sim_ros.control.averaging import PeriodAverage
 from manta_sim_ros.control.closed_loop import CONTROL_PERIOD
-from manta_sim_ros.control.design import design
+from manta_sim_ros.control.design import design, main
 from manta_sim_ros.control.follower import Loop, PathFollower
 from manta_sim_ros.control.polyline import Polyline
 from manta_sim_ros.control.settings import FollowerSettings
+from manta_sim_ros.dynamics import read_sections, values_for
 
 
 @pytest.mark.parametrize('case', CASES, ids=lambda case: f'{case.path}, {case.robot}, {case.current}')
@@ -31,12 +32,32 @@ def test_the_robot_stays_near_the_path_within_its_limits(case):
     assert np.abs(angles[:, :, 2:]).max() <= settings.largest_bias
 
 
-@pytest.mark.parametrize('robot', ROBOTS)
-def test_the_gains_are_those_of_the_linear_model(robot):
-    parameters, settings = ROBOTS[robot]
-    computed = design(parameters, FollowerSettings(amplitude=settings.amplitude))
+def test_the_default_gains_are_those_of_the_linear_model_in_fresh_water():
+    parameters, settings = ROBOTS['freshwater']
+    computed = design(parameters, settings)
     for name in ('speed', 'steering_gains', 'depth_gains', 'speed_gains'):
         np.testing.assert_allclose(getattr(settings, name), getattr(computed, name), rtol=0.02, atol=1e-3)
+
+
+def test_path_gains_prints_the_parameter_file_of_the_paper(capsys, tmp_path):
+    main(['--config', str(CONFIG / 'manta.yaml'), '--amplitude', '25'])
+    printed = tmp_path / 'gains.yaml'
+    printed.write_text(capsys.readouterr().out)
+    values = values_for('/manta_path_follower', read_sections(printed))
+    assert values.keys() == FOR_PAPER.keys()
+    for name, value in values.items():
+        np.testing.assert_allclose(value, FOR_PAPER[name], rtol=0.02, atol=1e-3)
+
+
+@pytest.mark.parametrize(('arguments', 'words'), [
+    (['--amplitude', '90'], 'amplitude is 1.57'), (['--frequency', '9'], 'frequency is 9.0, but must be from 0.1 to 2'),
+    (['--config', '/none.yaml'], '/none.yaml')])
+def test_wrong_input_of_path_gains_ends_it_with_one_line_and_status_2(arguments, words, capsys):
+    with pytest.raises(SystemExit) as ended:
+        main(arguments)
+    assert ended.value.code == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert words in line
 
 
 def test_the_mean_over_a_period_has_nothing_of_the_stroke_and_no_jump_of_the_heading():
