@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import math
 import time
 import warnings
@@ -119,9 +120,11 @@ class SimNode(ParameterNode):
     def _offer_standard_services(self) -> bool:
         """Offer the services of simulation_interfaces; return whether that package is installed."""
         try:
-            from manta_sim_ros.nodes.simulation_interfaces import SimulationInterfaces
+            importlib.import_module('simulation_interfaces.srv')  # first: threads may see a module of ours half made
         except ModuleNotFoundError:
             return False
+        from manta_sim_ros.nodes.simulation_interfaces import SimulationInterfaces
+
         SimulationInterfaces(
             self, self._robot, lambda: self._settings, self._leader, self._time, self._outputs.stamp)
         return True

@@ -1,5 +1,6 @@
 """How `sim_node` starts, lives beside others, survives and ends."""
 
+import contextlib
 import math
 import os
 import re
@@ -89,13 +90,16 @@ def test_two_robots_beside_each_other_keep_apart(launch, probe, commander):
 
 
 def test_robots_of_one_process_have_a_clock_and_a_command_each(probe, commander):
-    process = subprocess.Popen([sys.executable, ROBOTS, 'one', 'two'])  # the package that is installed
+    names = [f'robot_{number}' for number in range(10)]  # so many that they import at once
+    process = subprocess.Popen([sys.executable, ROBOTS, *names])  # the package that is installed
     try:
-        with probe.record(PoseStamped, '/one/pose') as one, probe.record(PoseStamped, '/two/pose') as two, \
-                probe.record(Clock, '/two/clock') as clock:
-            probe.until(lambda: one and two and clock, 'both robots')
-            probe.until(lambda: one[-1].pose.position.x > 0.05, 'motion', doing=commander('/one/fin_command', STRAIGHT))
-            assert two[-1].pose.position.x == 0.0
+        with contextlib.ExitStack() as recordings:
+            clocks = [recordings.enter_context(probe.record(Clock, f'/{name}/clock')) for name in names]
+            first, last = (recordings.enter_context(probe.record(PoseStamped, f'/{names[n]}/pose')) for n in (0, -1))
+            probe.until(lambda: all(clocks) and first and last, 'all robots')
+            probe.until(lambda: first[-1].pose.position.x > 0.05, 'motion',
+                        doing=commander(f'/{names[0]}/fin_command', STRAIGHT))
+            assert last[-1].pose.position.x == 0.0
     finally:
         process.kill()
         process.wait()
