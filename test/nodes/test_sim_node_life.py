@@ -100,6 +100,8 @@ def test_robots_of_one_process_have_a_clock_and_a_command_each(probe, commander)
             probe.until(lambda: first[-1].pose.position.x > 0.05, 'motion',
                         doing=commander(f'/{names[0]}/fin_command', STRAIGHT))
             assert last[-1].pose.position.x == 0.0
+        process.terminate()
+        assert process.wait(60.0) == 0
     finally:
         process.kill()
         process.wait()
@@ -113,7 +115,7 @@ def test_another_name_and_namespace_take_the_same_parameter_file(launch, probe, 
         probe.until(lambda: len(pose) > 10, 'poses')
     assert pose[-1].header.frame_id == 'map'
     assert min(after - before for before, after in zip(pose.stamps, pose.stamps[1:])) == 20_000_000
-    assert ('ray', '/deep/sea') in probe.node.get_node_names_and_namespaces()
+    probe.until(lambda: ('ray', '/deep/sea') in probe.node.get_node_names_and_namespaces(), 'its name')
 
 
 def test_a_whole_number_is_taken_and_an_unknown_name_is_warned_of(launch, probe):
