@@ -27,7 +27,7 @@ def immersed_shares(parameters: Parameters, state: State) -> tuple[float, FloatA
     """
     check_shape(parameters, state)
     nodes = fin_surfaces(parameters, state.rod_angles, state.joint_angles)
-    up = np.array(rotation_of.py_func(state.orientation))[2]
+    up = state.up
     above = float(state.position[2]) - parameters.water.surface_height
     body = 0.5 - (above + up @ np.array(parameters.body.buoyancy_center)) / slab_height(parameters)
     links = 0.5 - (above + 0.5 * (nodes[..., 1:, :] + nodes[..., :-1, :]) @ up) / parameters.fin.thickness

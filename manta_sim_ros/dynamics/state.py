@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from manta_sim_ros.dynamics._kernels.geometry import rotation_of
 from manta_sim_ros.dynamics.parameters import Parameters, check_parameters
 from manta_sim_ros.dynamics.quantity import FloatArray, real_array, shown
 
@@ -146,6 +147,11 @@ class State:
     def wrench(self) -> FloatArray:
         """(6,) sum of `fin_wrenches`: force [N] and moment [N m] of both fins on the body."""
         return self.fin_wrenches[0] + self.fin_wrenches[1]
+
+    @property
+    def up(self) -> FloatArray:
+        """(3,) the z axis of the world frame in the body frame."""
+        return np.array(rotation_of.py_func(self.orientation.tolist())[2])
 
     @property
     def rod_command(self) -> FloatArray | None:
