@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
+import numpy as np
 from rclpy.serialization import deserialize_message
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
@@ -17,6 +18,7 @@ from std_msgs.msg import Float64MultiArray
 from manta_sim_ros.dynamics import Parameters, Simulator, shown
 from manta_sim_ros.nodes.messages import COMMAND_VALUES, NANOSECONDS, fin_commands, seconds
 from manta_sim_ros.studies.bag import BagReader
+from manta_sim_ros.studies.gaits import gaits_from
 
 COLUMNS = ('A_l', 'A_r', 'f_l', 'f_r', 'phi_l', 'phi_r', 'front_bias_l', 'front_bias_r', 'rear_bias_l', 'rear_bias_r')
 """The columns of a table beside `time`, in the order of a `fin_command` [rad, Hz, rad, rad, rad]; biases may be absent.
@@ -24,9 +26,6 @@ COLUMNS = ('A_l', 'A_r', 'f_l', 'f_r', 'phi_l', 'phi_r', 'front_bias_l', 'front_
 
 OTHER_NAMES = dict(zip(COMMAND_VALUES.split(', '), COLUMNS, strict=False))
 """The names of the first six in the errors of the node, which are taken as well."""
-
-FREQUENCIES = slice(2, 4)
-"""The columns that are no angles."""
 
 MESSAGES = {'fin_command': Float64MultiArray, 'rod_command': JointState}
 """The class of the messages on each topic of commands."""
@@ -58,8 +57,7 @@ def constant_gait(degrees: Sequence[float], model: Parameters) -> list[Command]:
         The gait is impossible; names value and bound.
 
     """
-    values = [math.radians(value) for value in degrees]
-    values[FREQUENCIES] = degrees[FREQUENCIES]
+    values = np.stack([gait.as_array() for gait in gaits_from(degrees)], axis=-1).ravel()[:len(degrees)].tolist()
     _check(values, _checking(model))
     return [Command(0.0, 'fin_command', Float64MultiArray(data=values), 'the gait')]
 

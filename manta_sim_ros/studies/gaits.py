@@ -47,10 +47,15 @@ def gaits_of(text: str) -> Gaits:
         A part is no number, their number is wrong, or a value is out of its bounds.
 
     """
+    return gaits_from(values_of(text))
+
+
+def values_of(text: str) -> list[float]:
+    """Return the numbers of a text of six or ten values; errors as `gaits_of`."""
     parts = text.split(',')
     if len(parts) not in (6, 10):
         raise ValueError(f'{cut(text)!r} has {len(parts)} values, but must have 6 ({ORDER}) or 10')
-    return gaits_from([_number(part) for part in parts])
+    return [_number(part) for part in parts]
 
 
 def gaits_from(values: Sequence[float]) -> Gaits:

@@ -18,7 +18,7 @@ from builtin_interfaces.msg import Time
 from rclpy.serialization import serialize_message
 from tqdm import tqdm
 
-from manta_sim_ros.dynamics import Parameters, State, compile_kernels, cut
+from manta_sim_ros.dynamics import Parameters, State, compile_kernels
 from manta_sim_ros.figures.jobs import say
 from manta_sim_ros.nodes import messages
 from manta_sim_ros.nodes.interface import TOPICS
@@ -30,6 +30,7 @@ from manta_sim_ros.signals import ENDING, on_ending
 from manta_sim_ros.studies.arguments import Parser, read_settings
 from manta_sim_ros.studies.bag import BagWriter, check_new
 from manta_sim_ros.studies.commands import Command, constant_gait, read_commands
+from manta_sim_ros.studies.gaits import ORDER, values_of
 
 RESOLUTION = 1e-9
 """Resolution of the times of commands [s], which is that of stamps."""
@@ -165,7 +166,7 @@ def _run(parser: Parser, options: argparse.Namespace) -> None:
         if options.gait is None:
             commands = read_commands(options.commands, settings.model, options.namespace)
         else:
-            commands = constant_gait(options.gait, settings.model)
+            commands = constant_gait(values_of(options.gait), settings.model)
     except (OSError, ValueError) as error:
         parser.error(str(error))
     late = sum(command.time >= options.duration for command in commands)
@@ -206,7 +207,7 @@ def _parser() -> Parser:
     parser.add_argument('--config', type=Path, metavar='FILE',
                         help='a ROS 2 parameter file with parameters of /manta_sim (default: the built-in values)')
     commands = parser.add_mutually_exclusive_group(required=True)
-    commands.add_argument('--gait', type=_numbers, metavar='A_l,A_r,f_l,f_r,phi_l,phi_r',
+    commands.add_argument('--gait', metavar=ORDER,
                           help='one gait from the beginning on, in degrees and Hz; ten values have the biases, too')
     commands.add_argument('--commands', type=Path, metavar='FILE',
                           help='a table (CSV) with the columns time [s] and the names of the six or ten values of '
@@ -221,13 +222,3 @@ def _parser() -> Parser:
                         help='record fin_markers, for RViz and Foxglove: one takes longer to make than all other '
                              'messages of an output')
     return parser
-
-
-def _numbers(text: str) -> list[float]:
-    try:
-        numbers = [float(part) for part in text.split(',')]
-    except ValueError as error:
-        raise argparse.ArgumentTypeError(f'{cut(text)!r} has a part that is no number: {error}') from None
-    if len(numbers) not in (6, 10):
-        raise argparse.ArgumentTypeError(f'there are {len(numbers)} values, but must be 6 or 10')
-    return numbers
