@@ -53,19 +53,21 @@ class LockstepRobot:
         return result
 
     def now(self):
-        """Return the simulated time that the clock says [ns]; wait for it where it was not heard yet."""
-        self.probe.until(lambda: self.clock, 'the clock')
-        return self.clock.stamps[-1]
+        """Pause, and return the simulated time of that [ns], when the clock has said it too."""
+        return self._time_of(self.pause())
 
     def step(self):
         """Step, and wait until the clock of its end was received, and the outputs that came before it."""
-        before = len(self.clock)
-        answer = self.trigger('step')
-        assert answer.success, answer.message
-        end = round(float(re.search(r'stepped to (\S+) s', answer.message)[1]) * 1e9)
-        self.probe.until(lambda: len(self.clock) > before and self.clock.stamps[-1] == end, f'the clock at {end}')
+        end = self._time_of(self.trigger('step'))
         self.probe.until(lambda: self.odometry.stamps[-1:] == [end] == self.wrench.stamps[-1:], 'the outputs')
         return end
+
+    def _time_of(self, answer):
+        """Return the time in an answer [ns]. The clock may come later: a message may be lost, and be sent again."""
+        assert answer.success, answer.message
+        time = round(float(re.search(r'(\S+) s of simulated time', answer.message)[1]) * 1e9)
+        self.probe.until(lambda: self.clock.stamps[-1:] == [time], f'the clock at {time}')
+        return time
 
     def command(self, values):
         """Command the robot, and wait until the command was taken: the node warns of an empty one behind it."""
