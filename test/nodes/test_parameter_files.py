@@ -72,7 +72,7 @@ def test_the_library_has_the_values_of_the_node_with_the_same_file(launch, probe
                     'manta_sim: {ros__parameters: {fin: {chains: 13}, publish_rate: 50.0}}\n'
                     '/**: {ros__parameters: {body: {mass: 22.0}, fin: {youngs_modulus: 2e8}}}\n'
                     '/other: {ros__parameters: {fin: {chains: 12}}}\n')
-    node = launch('sim_node', f'--params-file {path}')
+    node = launch('sim_node', f'--params-file {path} -p start_paused:=true')  # else its pace might be warned of
     names = list(Parameters.quantities())
     values = probe.call(GetParameters, '/manta_sim/get_parameters', names=names).values
     read = Parameters.from_yaml(path)
