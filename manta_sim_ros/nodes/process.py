@@ -39,15 +39,27 @@ def run_node(
     start: Callable[[NodeType], None],
     spin: Callable[[NodeType], None],
     args: list[str] | None,
+    finish: Callable[[NodeType], object] = lambda node: None,
 ) -> None:
     """Make a node, start it, and spin it until the context is shut down. A signal ends the process with status 0.
+
+    Whatever ends it, `finish` is called once while the node can still publish: after a signal in another thread, at the
+    same time as what the node does.
 
     If ROS 2 arguments or a parameter are invalid, the process ends with status 1 and one line on standard error, and
     with status 2 if there are other arguments. What has no effect is warned of.
     """
     node: NodeType | None = None
+    finishing: NodeType | None = None
     interrupted = False
-    lock, left = threading.Lock(), threading.Event()
+    lock, finish_lock, left = threading.Lock(), threading.Lock(), threading.Event()
+
+    def finish_once() -> None:
+        nonlocal finishing
+        with finish_lock:
+            present, finishing = finishing, None
+            if present is not None and rclpy.ok():
+                finish(present)
 
     def destroy() -> None:
         nonlocal node
@@ -64,6 +76,8 @@ def run_node(
         limit.daemon = True
         limit.start()
         with contextlib.suppress(Exception):
+            finish_once()
+        with contextlib.suppress(Exception):
             with lock:
                 rclpy.try_shutdown()  # ends `spin` where it waits
             left.wait(GRACE)
@@ -75,7 +89,7 @@ def run_node(
         _or_exit(lambda: rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO))
         arguments = sys.argv if args is None else args
         check_arguments(make, arguments)
-        made = node = _or_exit(make)
+        made = node = finishing = _or_exit(make)
         warn_of_parameters_for_others(made, arguments)
         for phase in (start, spin):
             if not interrupted:
@@ -88,8 +102,11 @@ def run_node(
     finally:
         if interrupted and node is None:
             gc.collect()  # ends a node that was made in part: else it leaves shared memory
-        left.set()
-        destroy()
+        try:
+            finish_once()
+        finally:
+            left.set()
+            destroy()
         if interrupted:
             os._exit(0)  # the end of the interpreter takes a second
         ignore_endings()
