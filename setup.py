@@ -32,10 +32,12 @@ setup(
     install_requires=['numba', 'numpy', 'PyYAML', 'scipy'],
     extras_require={
         'cluster': ['distributed'],
+        'control': ['textual'],
         'figures': ['matplotlib', 'pillow', 'tqdm'],
         'studies': ['matplotlib', 'plotly', 'pyarrow', 'rosbags', 'tqdm'],
         'test': [
-            'hypothesis', 'matplotlib', 'pillow', 'plotly', 'pyarrow', 'pytest', 'pytest-xdist', 'rosbags', 'tqdm'],
+            'hypothesis', 'matplotlib', 'pillow', 'plotly', 'pyarrow', 'pytest', 'pytest-xdist', 'rosbags', 'textual',
+            'tqdm'],
     },
     zip_safe=False,  # Numba keeps compiled kernels beside the modules.
     entry_points={
@@ -51,6 +53,7 @@ setup(
             'simulate = manta_sim_ros.executables:simulate',
             'sim_node = manta_sim_ros.executables:sim_node',
             'sweep = manta_sim_ros.executables:sweep',
+            'teleop = manta_sim_ros.executables:teleop',
         ],
     },
 )

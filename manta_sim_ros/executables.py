@@ -46,6 +46,12 @@ def path_gains() -> None:
     _run('control.design', NEEDS_STUDIES, interrupted=130)
 
 
+def teleop() -> None:
+    """Drive the robot by hand."""
+    os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
+    _run('nodes.teleop', NEEDS_ROS)
+
+
 def paper_figures() -> None:
     """Draw the figures of the paper."""
     _run('figures.command', NEEDS_FIGURES, packages=('matplotlib', 'PIL', 'tqdm'), interrupted=130)

@@ -323,6 +323,25 @@ def twist_of(message: TwistStamped, odom_frame: str, orientation: Sequence[float
     return np.asarray(Rotation.from_quat(orientation).inv().apply(twist)).ravel()
 
 
+def odometry_of(message: Odometry) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return position (3,) [m], orientation (x, y, z, w) and twist (6,) [m/s, rad/s] of an odometry, in its frames.
+
+    Raises
+    ------
+    ValueError
+        A value is not finite, or the orientation is 0; names the values.
+
+    """
+    pose, twist = message.pose.pose, message.twist.twist
+    position, orientation, linear, angular = (
+        [getattr(vector, axis) for axis in axes] for vector, axes in (
+            (pose.position, 'xyz'), (pose.orientation, 'xyzw'), (twist.linear, 'xyz'), (twist.angular, 'xyz')))
+    values = [*position, *orientation, *linear, *angular]
+    if not all(map(math.isfinite, values)) or not any(orientation):
+        raise ValueError(f'pose and twist are {shown(values)}, but must be finite, with an orientation')
+    return np.array(position), np.array(orientation), np.array(linear + angular)
+
+
 def planar_pose_of(
     message: PoseWithCovarianceStamped, odom_frame: str, height: float,
 ) -> tuple[list[float], list[float]]:

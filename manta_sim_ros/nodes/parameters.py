@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Iterable
-from typing import Any
+from typing import Any, TypeVar
 
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor, SetParametersResult
 from rclpy.context import Context
@@ -12,7 +12,7 @@ from rclpy.exceptions import ParameterNotDeclaredException
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from manta_sim_ros.dynamics import Quantity, shown, shown_name, shown_names
+from manta_sim_ros.dynamics import ParameterGroup, Quantity, shown, shown_name, shown_names
 from manta_sim_ros.nodes.settings import Settings
 
 OTHERS = ('use_sim_time', 'start_type_description_service')
@@ -20,6 +20,9 @@ OTHERS = ('use_sim_time', 'start_type_description_service')
 
 MOST_WARNINGS = 10
 """Most warnings of unknown parameters, one each."""
+
+
+Group = TypeVar('Group', bound=ParameterGroup)
 
 
 class ParameterNode(Node):
@@ -84,6 +87,25 @@ def declare(node: ParameterNode) -> Settings:
         node.declare_parameter(
             name, list(value) if isinstance(value, tuple) else value, descriptor(about), ignore_override=True)
     return settings
+
+
+def declare_group(node: ParameterNode, kind: type[Group]) -> Group:
+    """Declare the parameters of a group on `node`, read-only, and return the group with the given values.
+
+    Raises
+    ------
+    ValueError
+        A given value is invalid; names it and the bound.
+
+    """
+    names = {kind.prefix + name: name for name in kind.quantities()}
+    group = kind(**{names[name]: value for name, value in node.given.items() if name in names})
+    for full_name, name in names.items():
+        value = getattr(group, name)
+        node.declare_parameter(
+            full_name, list(value) if isinstance(value, tuple) else value, descriptor(kind.quantities()[name]),
+            ignore_override=True)
+    return group
 
 
 def declare_value(node: ParameterNode, name: str, default: Any, description: str) -> Any:
