@@ -16,8 +16,11 @@ from typing import Any
 import yaml
 
 from evidence.report import table
+from manta_sim_ros.control.joystick import JoystickSettings
+from manta_sim_ros.control.manual import ManualSettings
 from manta_sim_ros.control.settings import FollowerSettings
-from manta_sim_ros.dynamics import Quantity
+from manta_sim_ros.control.teleoperation import KEYS
+from manta_sim_ros.dynamics import ParameterGroup, Quantity
 from manta_sim_ros.nodes.interface import SERVICES, TOPICS
 from manta_sim_ros.nodes.settings import Settings
 
@@ -49,13 +52,25 @@ def parameters() -> str:
         for name, about in Settings.quantities().items()))
 
 
-def follower_parameters() -> str:
-    """Return the parameters of the path follower that its loops use."""
-    settings = FollowerSettings()
+def group_parameters(*groups: ParameterGroup) -> str:
+    """Return the parameters of a node that are those of some groups."""
     return table(('parameter', 'default', 'unit', 'bounds', 'meaning', 'source'), (
-        (f'`{name}`', f'`{_shown(_rounded(getattr(settings, name)))}`', about.unit, _bounds(about), about.description,
-         about.source)
-        for name, about in FollowerSettings.quantities().items()))
+        (f'`{group.prefix}{name}`', f'`{_shown(_rounded(getattr(group, name)))}`', about.unit, _bounds(about),
+         about.description, about.source)
+        for group in groups for name, about in group.quantities().items()))
+
+
+def teleop_keys() -> str:
+    """Return what the keys of teleop do."""
+    rows = [(' or '.join(f'`{name}`' for name in key.keys), key.word, key.meaning) for key in KEYS.values()]
+    return table(('key', 'action', 'meaning'), [*rows, ('`q` or `ctrl+c`', 'quit', 'stops the fins and leaves')])
+
+
+def teleop_screen() -> str:
+    """Return the screen of teleop."""
+    from evidence.teleop_screen import picture  # needs Textual
+
+    return f'```text\n{picture()}\n```'
 
 
 def _rounded(value: Any) -> Any:
@@ -152,7 +167,10 @@ TABLES: dict[str, Callable[[], str]] = {
     'parameters': parameters,
     'sim.launch.py': lambda: arguments_table(launch_arguments('sim.launch.py')),
     'two_mantas.launch.py': lambda: arguments_table(two_mantas()),
-    'path follower': follower_parameters,
+    'path follower': lambda: group_parameters(FollowerSettings()),
+    'teleop': lambda: group_parameters(ManualSettings(), JoystickSettings()),
+    'teleop keys': teleop_keys,
+    'teleop screen': teleop_screen,
     'equations': equations,
 }
 

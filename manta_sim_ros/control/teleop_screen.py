@@ -12,7 +12,7 @@ from textual.binding import Binding, BindingType
 from textual.containers import Horizontal, Vertical
 from textual.reactive import reactive
 from textual.widget import Widget
-from textual.widgets import Footer, Header, Static
+from textual.widgets import Footer, Header
 
 from manta_sim_ros.control.manual import ManualSettings
 from manta_sim_ros.control.teleop_view import View
@@ -71,14 +71,16 @@ class Gauge(Widget):
         return round(min(max(part, 0.0), 1.0) * (width - 1))
 
 
-class Readings(Static):
-    """Lines with a name, a number and a unit each."""
+class Lines(Widget):
+    """Some lines of text."""
 
-    rows: reactive[tuple[tuple[str, str, str], ...]] = reactive(())
+    DEFAULT_CSS = 'Lines { height: auto; }'
+
+    text: reactive[Text] = reactive(Text(), layout=True)
 
     def render(self) -> Text:
         """Return the lines."""
-        return Text('\n'.join(f'{name:<{LABEL_WIDTH + 3}}{number:>8} {unit}' for name, number, unit in self.rows))
+        return self.text
 
 
 class Panel(Vertical):
@@ -111,7 +113,7 @@ class TeleopScreen(App[None]):
         .row { height: 8; }
         .row Panel { height: 100%; }
         #status { height: 1fr; min-height: 4; }
-        Readings { text-wrap: nowrap; }
+        .row Lines { text-wrap: nowrap; }
     """
     BINDINGS: ClassVar[list[BindingType]] = [
         *(Binding(','.join(key.keys), f'press({action!r})', key.word, key_display=key.label)
@@ -125,7 +127,7 @@ class TeleopScreen(App[None]):
         super().__init__()
         self._view, self._press = view, press
         self._settings = ManualSettings() if settings is None else settings
-        self._readings, self._source, self._status = Readings(), Static(), Static()
+        self._robot, self._source, self._status = Lines(), Lines(), Lines()
         demand = (
             Gauge('throttle', -1.0, 1.0, _percent('ahead', 'back')),
             Gauge('steer', -1.0, 1.0, _percent('right', 'left')), Gauge('climb', -1.0, 1.0, _percent('up', 'down')))
@@ -135,7 +137,7 @@ class TeleopScreen(App[None]):
         """Make the widgets."""
         yield Header()
         with Horizontal(classes='row'):
-            yield Panel('Robot', self._readings)
+            yield Panel('Robot', self._robot)
             yield Panel('Demand', *self._gauges['demand'], self._source)
         with Horizontal(classes='row'):
             for side in SIDES:
@@ -163,14 +165,15 @@ class TeleopScreen(App[None]):
         view = self._view()
         self.sub_title = view.topic
         roll, pitch, heading = map(math.degrees, view.attitude)
-        self._readings.rows = (
+        rows = (
             ('time', _number(view.time, 2), 's'), ('speed', _number(view.speed, 3), 'm/s'),
             ('depth', _number(view.depth, 3), 'm'), ('heading', _number(math.remainder(heading, 360.0), 1), '°'),
             ('pitch', _number(abs(pitch), 1), f'° {_side(pitch, "nose down", "nose up")}'),
             ('roll', _number(abs(roll), 1), f'° {_side(roll, "left up", "right up")}'))
+        self._robot.text = Text('\n'.join(f'{name:<{LABEL_WIDTH + 3}}{number:>8} {unit}' for name, number, unit in rows))
         demand = view.demand
         self._set('demand', demand.throttle, -demand.steer, demand.climb)  # the bar of steering to the left goes left
-        self._source.update('The joystick commands.' if view.joystick else 'The keys command.')
+        self._source.text = Text('The joystick commands.' if view.joystick else 'The keys command.')
         for side, gait, (front, rear) in zip(SIDES, view.gaits, view.rods.tolist(), strict=True):
             amplitude, *others = map(math.degrees, (gait.amplitude, gait.phase, gait.front_bias, front, rear))
             self._set(side, amplitude, gait.frequency, *others)
@@ -179,7 +182,7 @@ class TeleopScreen(App[None]):
             status.append(f'\n! {trouble}', style='bold not dim')
         if not view.troubles:
             status.append('\nNothing is wrong.')
-        self._status.update(status)
+        self._status.text = status
 
     def _set(self, group: str, *values: float) -> None:
         for gauge, value in zip(self._gauges[group], values, strict=True):

@@ -35,7 +35,7 @@ print('not ended')
 @pytest.mark.parametrize('ending', SIGNALS)
 @pytest.mark.parametrize(('executable', 'imported', 'status'), [
     ('sim_node', 'rclpy', 0), ('gait_node', 'rclpy', 0), ('monitor_node', 'rclpy', 0), ('paper_figures', 'tqdm', 130),
-    ('path_follower', 'rclpy', 0), ('simulate', 'rosbags', 130), ('report', 'rosbags', 130)])
+    ('path_follower', 'rclpy', 0), ('teleop', 'rclpy', 0), ('simulate', 'rosbags', 130), ('report', 'rosbags', 130)])
 def test_a_signal_in_the_middle_of_an_import_ends_it_with_its_status_and_no_traceback(
         executable, imported, status, ending):
     code = INTERRUPTED_IMPORT.format(executable=executable, imported=imported, ending=ending)
@@ -172,7 +172,7 @@ def test_the_executor_is_the_lightest_that_rclpy_has(hidden, expected, monkeypat
 
 
 @pytest.mark.parametrize('variables', [{'HOME': '/proc/none'}, {'HOME': None}, {'ROS_LOG_DIR': '/proc/none'}])
-@pytest.mark.parametrize('executable', ['sim_node', 'gait_node', 'monitor_node', 'path_follower'])
+@pytest.mark.parametrize('executable', ['sim_node', 'gait_node', 'monitor_node', 'path_follower', 'teleop'])
 def test_without_a_folder_for_logs_one_line_names_the_variable_that_cures_it(executable, variables):
     environment = {name: value for name, value in {**os.environ, **variables}.items() if value is not None}
     if 'HOME' in variables:

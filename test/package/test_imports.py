@@ -65,7 +65,8 @@ def test_the_papers_figures_need_nothing_of_ros(tmp_path):
 
 
 @pytest.mark.parametrize('module', [
-    'studies.identify', 'studies.linearize', 'studies.sweep', 'control.closed_loop', 'control.design'])
+    'studies.identify', 'studies.linearize', 'studies.sweep', 'control.closed_loop', 'control.design',
+    'control.teleoperation'])
 def test_these_studies_and_control_need_nothing_of_ros(module, tmp_path):
     names = run_python(IMPORT.replace('manta_sim_ros.dynamics', f'manta_sim_ros.{module}'), tmp_path)
     assert not set(names.stdout.split()) & OF_ROS

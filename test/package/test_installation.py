@@ -60,14 +60,14 @@ def test_the_metadata_name_what_the_library_needs_and_the_extras(installed):
     assert metadata['Version'] == manta_sim_ros.__version__
     needed = {line for line in metadata.get_all('Requires-Dist') if 'extra' not in line}
     assert needed == {'numba', 'numpy', 'PyYAML', 'scipy'}  # setuptools is needed to build only
-    assert set(metadata.get_all('Provides-Extra')) == {'cluster', 'figures', 'studies', 'test'}
+    assert set(metadata.get_all('Provides-Extra')) == {'cluster', 'control', 'figures', 'studies', 'test'}
     figures = {line.split(';')[0].strip() for line in metadata.get_all('Requires-Dist') if "'figures'" in
                line.replace('"', "'")}
     assert figures == {'matplotlib', 'pillow', 'tqdm'}
     assert (installed / 'manta_sim_ros' / 'py.typed').is_file()
     assert {path.name for path in (installed / 'bin').iterdir()} >= {
         'sim_node', 'gait_node', 'monitor_node', 'paper_figures', 'identify', 'linearize', 'path_follower',
-        'path_gains', 'report', 'simulate', 'sweep'}
+        'path_gains', 'report', 'simulate', 'sweep', 'teleop'}
 
 
 def test_the_library_works_without_ros_and_without_setuptools(installed, tmp_path):
@@ -88,6 +88,7 @@ print(manta_sim_ros.__file__, simulator.advance(2.0).position[0])
     ('sim_node', OF_ROS, ['sim_node needs ROS 2', 'source its setup file']),
     ('gait_node', OF_ROS, ['gait_node needs ROS 2']),
     ('monitor_node', OF_ROS, ['monitor_node needs ROS 2']),
+    ('teleop', OF_ROS, ['teleop needs ROS 2']),
     ('simulate', OF_ROS, ["pip install 'manta_sim_ros[studies]'", 'source its setup file']),
     ('report', ['plotly'], ['no module plotly', "pip install 'manta_sim_ros[studies]'"]),
     ('simulate', ['rosbags'], ['no module rosbags', "pip install 'manta_sim_ros[studies]'"]),
