@@ -170,7 +170,7 @@ class TeleopScreen(App[None]):
             ('depth', _number(view.depth, 3), 'm'), ('heading', _number(math.remainder(heading, 360.0), 1), '°'),
             ('pitch', _number(abs(pitch), 1), f'° {_side(pitch, "nose down", "nose up")}'),
             ('roll', _number(abs(roll), 1), f'° {_side(roll, "left up", "right up")}'))
-        self._robot.text = Text('\n'.join(f'{name:<{LABEL_WIDTH + 3}}{number:>8} {unit}' for name, number, unit in rows))
+        self._robot.text = Text('\n'.join(f'{name:<13}{number:>8} {unit}' for name, number, unit in rows))
         demand = view.demand
         self._set('demand', demand.throttle, -demand.steer, demand.climb)  # the bar of steering to the left goes left
         self._source.text = Text('The joystick commands.' if view.joystick else 'The keys command.')
