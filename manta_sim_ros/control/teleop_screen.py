@@ -177,12 +177,9 @@ class TeleopScreen(App[None]):
         for side, gait, (front, rear) in zip(SIDES, view.gaits, view.rods.tolist(), strict=True):
             amplitude, *others = map(math.degrees, (gait.amplitude, gait.phase, gait.front_bias, front, rear))
             self._set(side, amplitude, gait.frequency, *others)
-        status = Text(view.pace or 'The simulator says nothing of its pace.', style='dim')
-        for trouble in view.troubles:
-            status.append(f'\n! {trouble}', style='bold not dim')
-        if not view.troubles:
-            status.append('\nNothing is wrong.')
-        self._status.text = status
+        troubles = [Text(f'! {trouble}', style='bold') for trouble in view.troubles]
+        pace = [Text(view.pace, style='dim')] if view.pace else []
+        self._status.text = Text('\n').join([*pace, *(troubles or [Text('Nothing is wrong.')])])
 
     def _set(self, group: str, *values: float) -> None:
         for gauge, value in zip(self._gauges[group], values, strict=True):

@@ -29,6 +29,6 @@ class View(NamedTuple):
     rods: FloatArray
     """(2, 2) angles by fin and rod (front, rear) [rad]."""
     pace: str
-    """What the simulator says of its pace, empty where it says nothing."""
+    """What the simulator says of its pace; empty where it says nothing, or where that is one of the troubles."""
     troubles: tuple[str, ...]
     """What is wrong, in lines."""

@@ -119,7 +119,8 @@ class TeleopNode(ParameterNode):
                 motion = self._motion.mean
                 speed, depth, attitude = float(motion.twist[0]), 0.0 - float(motion.position[2]), motion.attitude
             diagnostics = self._diagnostics if now - self._diagnostics_heard < OLD_DIAGNOSTICS else []
-            pace = next((status.message for status in diagnostics if status.name.endswith(': pace')), '')
+            pace = next((status.message for status in diagnostics
+                         if status.name.endswith(': pace') and status.level == DiagnosticStatus.OK), '')
             return View(
                 self._publisher.topic_name, self._stamp, speed, depth, attitude, teleoperation.demand,
                 teleoperation.held, teleoperation.gaits, self._rods, pace, tuple(self._troubles(now, diagnostics)))
