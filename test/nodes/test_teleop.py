@@ -86,7 +86,7 @@ def test_a_joystick_drives_the_fins_while_its_button_is_held_and_the_end_stops_t
 class Terminal:
     """A program in a terminal of its own, of 80 columns and 24 lines; what it draws is read all the time."""
 
-    def __init__(self, command, environment=None):
+    def __init__(self, command):
         self.master, slave = pty.openpty()
         fcntl.ioctl(slave, termios.TIOCSWINSZ, struct.pack('HHHH', 24, 80, 0, 0))
         self.before = termios.tcgetattr(self.master)
@@ -141,6 +141,7 @@ UP = b'\x1b[A'
 
 def flapping(terminal, probe, commands):
     """Return a terminal in which the keys have made the fins flap."""
+    pytest.importorskip('textual')
     shown = terminal(command_of('teleop'))
     probe.until(lambda: 'waiting for /odom' in shown.text, 'the screen')
     shown.type(UP * 3)
