@@ -21,6 +21,7 @@ setup(
         ('share/ament_index/resource_index/packages', ['resource/' + name]),
         ('share/' + name, ['package.xml']),
         ('share/' + name + '/config', sorted(glob('config/*.*'))),
+        ('share/' + name + '/config/missions', sorted(glob('config/missions/*.yaml'))),
         ('share/' + name + '/config/ros2_control', sorted(glob('config/ros2_control/*'))),
         ('share/' + name + '/config/studies', sorted(glob('config/studies/*.yaml'))),
         ('share/' + name + '/config/sros2', sorted(glob('config/sros2/*.xml'))),

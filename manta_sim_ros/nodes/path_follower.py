@@ -3,28 +3,24 @@
 from __future__ import annotations
 
 import math
-from pathlib import Path as FilePath
 from typing import Any
 
 import numpy as np
 import rclpy
-import yaml
 from nav_msgs.msg import Odometry, Path
 from std_msgs.msg import Float64MultiArray
 
 from manta_sim_ros.control.closed_loop import CONTROL_PERIOD
 from manta_sim_ros.control.follower import PathFollower, check_limits
+from manta_sim_ros.control.mission import read_mission
 from manta_sim_ros.control.polyline import Polyline
 from manta_sim_ros.control.settings import FollowerSettings
-from manta_sim_ros.dynamics import FinCommand, Parameters, cut, shown
+from manta_sim_ros.dynamics import FinCommand, Parameters, shown
 from manta_sim_ros.nodes.messages import seconds
 from manta_sim_ros.nodes.parameters import ParameterNode, declare_value, descriptor
 from manta_sim_ros.nodes.process import run_node
 from manta_sim_ros.nodes.qos import publisher, subscription
 from manta_sim_ros.nodes.refusals import Refusals
-
-LARGEST_MISSION = 1_000_000
-"""Largest size of a mission file [bytes]."""
 
 QUEUE_DEPTH = 1
 
@@ -42,27 +38,6 @@ def waypoints_of(message: Path, frame: str) -> list[list[float]]:
         raise ValueError(f'header.frame_id is {shown(message.header.frame_id)}, but must be {shown(frame)}')
     positions = [stamped.pose.position for stamped in message.poses]
     return [[position.x, position.y, position.z] for position in positions]
-
-
-def read_mission(file: str) -> Polyline:
-    """Return the path of a mission file, a YAML file with `waypoints: [[x, y, z], ...]` [m].
-
-    Raises
-    ------
-    ValueError
-        The file cannot be read, or is no such file; names it and what is wrong.
-
-    """
-    try:
-        if FilePath(file).stat().st_size > LARGEST_MISSION:
-            raise ValueError(f'has more than {LARGEST_MISSION} bytes')
-        content = yaml.safe_load(FilePath(file).read_text(encoding='utf-8'))
-        waypoints = content.get('waypoints') if isinstance(content, dict) and len(content) == 1 else None
-        if not isinstance(waypoints, list):
-            raise ValueError("must have a list 'waypoints' and nothing else")
-        return Polyline(waypoints)
-    except (OSError, RecursionError, ValueError, yaml.YAMLError) as error:
-        raise ValueError(f'mission {shown(file)}: {cut(" ".join(str(error).split()))}') from error
 
 
 class PathFollowerNode(ParameterNode):
@@ -85,7 +60,7 @@ class PathFollowerNode(ParameterNode):
             raise ValueError(f'odom_timeout is {self._timeout} s, but must be from 0.05 to 60 s')
         robot = declare_value(
             self, 'robot', '', 'parameter file of the robot, whose mechanism limits the gaits; empty: the defaults')
-        mission = declare_value(self, 'mission', '', 'file with the waypoints to begin with; empty: wait for a path')
+        mission = declare_value(self, 'mission', '', 'mission file to begin with; empty: wait for a path')
         try:
             self._robot = Parameters.from_yaml(robot) if robot else Parameters()
         except OSError as error:
