@@ -2,16 +2,18 @@
 #
 #   ROS=kilted|jazzy   the ROS 2 distribution (default: kilted, or the one that is sourced)
 #   PYTHON=...         the interpreter that the virtual environment is made with
-#   CONFIG=freshwater  the file config/$(CONFIG).yaml with the parameters of `make sim` (default: manta)
+#   CONFIG=freshwater  the file config/$(CONFIG).yaml with the parameters of `make sim` (default: manta) and `make swim` (freshwater)
+#   MISSION=helix      the file config/missions/$(MISSION).yaml, or a path, that `make swim` swims
+#   CURRENT=0,0.1,0    velocity of the water of `make swim` in m/s
 #   DURATION=20        simulated seconds of `make sim` (default: until Ctrl-C)
 #   PYTEST_ARGS='...'  further arguments for pytest, such as '-k gait' or a folder ('-n 0' runs all in one process)
 
-export ROS PYTHON CONFIG DURATION
+export ROS PYTHON CONFIG DURATION MISSION CURRENT
 VENV := $(if $(filter-out kilted,$(ROS)),.venv-$(ROS),.venv)
 TOOLS := @scripts/setup.sh --dev
 PYTEST_ARGS ?=
 
-.PHONY: help sim study linearize sweep identify test colcon-test lint docs tables bench steering path verify paper \
+.PHONY: help sim swim study linearize sweep identify test colcon-test lint docs tables bench steering path verify paper \
   validate soak setup clean
 
 help:  ## list the targets
@@ -20,6 +22,9 @@ help:  ## list the targets
 
 sim:  ## watch the robot swim straight ahead and then turn
 	@scripts/setup.sh -- scripts/sim.sh
+
+swim:  ## swim a mission along a path, faster than real time: writes build/swim_helix.png, see docs/control.md
+	@scripts/setup.sh -- scripts/swim.sh
 
 study:  ## simulate a swim faster than real time, and make a page of it: writes study/, see docs/studies.md
 	@rm -rf study

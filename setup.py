@@ -55,6 +55,7 @@ setup(
             'sim_node = manta_sim_ros.executables:sim_node',
             'sweep = manta_sim_ros.executables:sweep',
             'teleop = manta_sim_ros.executables:teleop',
+            'track_node = manta_sim_ros.executables:track_node',
         ],
     },
 )

@@ -52,6 +52,12 @@ def teleop() -> None:
     _run('nodes.teleop', NEEDS_ROS)
 
 
+def track_node() -> None:
+    """Record and draw a swim along a path."""
+    os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
+    _run('nodes.track_node', f'{NEEDS_FIGURES}; and {NEEDS_ROS}', packages=('matplotlib',))
+
+
 def paper_figures() -> None:
     """Draw the figures of the paper."""
     _run('figures.command', NEEDS_FIGURES, packages=('matplotlib', 'PIL', 'tqdm'), interrupted=130)

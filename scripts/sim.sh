@@ -3,39 +3,11 @@
 # CONFIG is the name of a file in config/ with the parameters of sim_node, without .yaml: manta is the default.
 #
 # Needs a sourced environment: scripts/setup.sh -- scripts/sim.sh does that. Exit status 0, or 1 if a node failed.
-set -um  # with job control each node has its own process group: Ctrl-C reaches only this script, which ends the nodes
+. "$(dirname "${BASH_SOURCE[0]}")/nodes.sh"
 
-say() { printf '%s\n' "manta_sim_ros: $*"; }
-fail() { stop; say "$*" >&2; exit 1; }
-
-# End the nodes that still run: SIGTERM once a second, and SIGKILL after ten seconds.
-stop() {
-  local running tenth
-  trap '' INT TERM HUP
-  exec 3>&2 2>/dev/null  # without the messages of the shell about ended jobs
-  for tenth in {1..100}; do
-    running=$(jobs -pr)
-    [ -n "$running" ] || break
-    ((tenth % 10 != 1)) || kill -TERM $running
-    sleep 0.1
-  done
-  running=$(jobs -pr)
-  [ -z "$running" ] || { say "killed, as SIGTERM did not end them:" $running >&3; kill -KILL $running; }
-  wait
-  exec 2>&3 3>&-
-}
-
-prefix=${COLCON_PREFIX_PATH:?source .venv/env.sh first}
-prefix=${prefix%%:*}/manta_sim_ros
-programs=$prefix/lib/manta_sim_ros
-configs=$prefix/share/manta_sim_ros/config
-
-config=$configs/${CONFIG:=manta}.yaml
-if [[ $CONFIG == */* || ! -f $config ]]; then
-  names=("$configs"/*.yaml)
-  names=("${names[@]##*/}")
-  fail "CONFIG is $CONFIG, but must be one of: ${names[*]%.yaml}"
-fi
+: "${CONFIG:=manta}"
+check_name CONFIG "$configs"
+config=$configs/$CONFIG.yaml
 
 monitor_arguments=(-p use_sim_time:=true)
 if [ -n "${DURATION:-}" ]; then
@@ -55,7 +27,6 @@ gait=$!
 "$programs/monitor_node" --ros-args "${monitor_arguments[@]}" &
 monitor=$!
 
-running() { kill -0 "$1" 2>/dev/null; }
 watched=("$sim" "$gait" "$monitor")
 while :; do
   wait -n "${watched[@]}"

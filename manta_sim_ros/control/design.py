@@ -41,14 +41,13 @@ def gains(model: LinearModel) -> dict[str, tuple[float, ...]]:
     steering = _Block(model, ('v', 'p', 'r', 'roll'), STEERING)
     steering.add_integral(T * steering.mean('r'))
     steering.add_integral(T * (steering.mean('v') + U * steering.last))
-    steering.add_integral(T * steering.last)
     depth = _Block(model, ('w', 'q', 'pitch'), BIAS)
     depth.add_integral(T * (depth.mean('w') - U * depth.mean('pitch')))  # a positive pitch lowers the nose
     depth.add_integral(T * depth.last)
     speed = _Block(model, ('u',), AMPLITUDE)
     speed.add_integral(T * speed.mean('u'))
     return {
-        'steering_gains': steering.regulator(LARGEST_STEERING, HEADING, CROSS_TRACK, CROSS_TRACK_INTEGRAL),
+        'steering_gains': steering.regulator(LARGEST_STEERING, HEADING, CROSS_TRACK),
         'depth_gains': depth.regulator(LARGEST_BIAS, HEIGHT, HEIGHT_INTEGRAL),
         'speed_gains': speed.regulator(LARGEST_AMPLITUDE, SPEED, SPEED_INTEGRAL),
     }

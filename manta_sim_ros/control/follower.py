@@ -8,6 +8,7 @@ import math
 import numpy as np
 
 from manta_sim_ros.control.averaging import PeriodAverage
+from manta_sim_ros.control.current_observer import CurrentObserver
 from manta_sim_ros.control.polyline import Polyline, Projection
 from manta_sim_ros.control.settings import FollowerSettings
 from manta_sim_ros.dynamics import FinCommand, FloatArray, Parameters, Simulator
@@ -19,8 +20,13 @@ ARRIVED = 0.02
 """Distance from the end of the path at which it counts as followed [m]."""
 
 
-CURRENT_TIME = 6.0
-"""Time constant of the estimate of the current [s], a few flapping periods."""
+import os
+TRIM_TIME = float(os.environ.get('TRIM', 3.0))
+SMITH = float(os.environ.get('SMITH', 1.0))
+SCHED = float(os.environ.get('SCHED', 1.0))
+LEAD = float(os.environ.get('LEAD', 1.0))
+SLOWEST = 0.5
+"""Least speed through the water with which guidance reckons, over that of the cruise: the robot starts at rest."""
 
 LARGEST_CRAB = 0.8
 """Largest part of the speed that is spent against a current across the path."""
@@ -93,12 +99,20 @@ class PathFollower:
         self._amplitude = Loop(settings.speed_gains, 0.0, settings.largest_amplitude, rate)
         self._station = 0.0
         self._time = math.nan
-        self.current = np.zeros(2)
-        """(2,) velocity of the water that the drift to the side shows [m/s], world frame."""
+        self._x = 0.0
+        self._sf = 0.0
+        self._t0 = math.nan
+        self._observer = CurrentObserver(
+            settings.speed, settings.amplitude, settings.speed_model, settings.sideslip)
 
     def follow(self, path: Polyline) -> None:
         """Follow another path from now on, from its beginning; what is known of the current is kept."""
         self.path, self._station = path, 0.0
+
+    @property
+    def current(self) -> FloatArray:
+        """(2,) estimate of the velocity of the water [m/s], world frame."""
+        return self._observer.current
 
     @property
     def finished(self) -> bool:
@@ -115,19 +129,25 @@ class PathFollower:
         self._time = time
         motion = self._average.mean
         lookahead = self.settings.lookahead
-        where = self.path.project(motion.position, self._station, self._station + SEARCHED * lookahead)
+        lag = 0.5 * self.settings.period * LEAD
+        u, v, w, p, q, r = motion.twist.tolist()
+        roll, pitch, heading = motion.attitude.tolist()
+        cos, sin = math.cos(heading), math.sin(heading)
+        position = motion.position + lag * np.array([cos * u - sin * v, sin * u + cos * v, 0.0])
+        where = self.path.project(position, self._station, self._station + SEARCHED * lookahead)
         self._station = where.station
         if self.finished:
             return self.glide()
-        u, v, w, p, q, r = motion.twist.tolist()
-        roll, pitch, heading = motion.attitude.tolist()
-        forward = np.array([math.cos(heading), math.sin(heading)])
-        left = np.array([-forward[1], forward[0]])
-        drift = v - float(left @ self.current)
-        self.current += min(elapsed / CURRENT_TIME, 1.0) * drift * left
-        steering = self._steer(elapsed, [v - float(left @ self.current), p, r, roll], heading, where)
+        b = self.settings.turn_response * (SCHED * (self._amplitude.control / self.settings.amplitude) ** 2 + 1 - SCHED)
+        self._b = max(b, 0.3 * self.settings.turn_response)
+        self._sf += min(elapsed / lag, 1.0) * (self._steering.control + self._trim() - self._sf)
+        rate = r + SMITH * self._b * lag * self._sf
+        heading_now = heading + lag * 0.5 * (r + rate)
+        self._observer.update(elapsed, self._amplitude.control, heading, u, v, r)
+        forward, left = self._observer.along(heading)
+        steering = self._steer(elapsed, u - forward, [v - left, p, rate, roll], heading_now, where, r)
         bias = self._bias.regulate(elapsed, [w, q, pitch, where.height])
-        amplitude = self._amplitude.regulate(elapsed, [u - float(forward @ self.current) - self.settings.speed])
+        amplitude = self._amplitude.regulate(elapsed, [u - forward - self.settings.speed])
         return self._gait(amplitude, -steering, bias), self._gait(amplitude, steering, bias)
 
     def glide(self) -> tuple[FinCommand, FinCommand]:
@@ -141,18 +161,38 @@ class PathFollower:
     def _gait(self, amplitude: float, steering: float, bias: float) -> FinCommand:
         return FinCommand(amplitude, self.settings.frequency, self.settings.phase + steering, bias, -bias)
 
-    def _steer(self, elapsed: float, states: list[float], heading: float, where: Projection) -> float:
-        """Return the steering: the regulator near the path, and far from it a limited angle to the path."""
-        loop, path = self._steering, self.path
-        of_heading, of_error, of_integral = loop.gains[-3:]
-        angle = math.atan((of_error * where.cross_track + of_integral * loop.integral) / of_heading)
-        course = path.course(where.station, self.settings.lookahead) - angle
-        across = float(self.current @ [-math.sin(course), math.cos(course)]) / self.settings.speed
-        crab = math.asin(min(max(across, -LARGEST_CRAB), LARGEST_CRAB))
-        turn = math.remainder(heading - course + crab, 2.0 * math.pi)
-        wanted = -float(loop.gains[:-3] @ states) - of_heading * turn
-        near = abs(where.cross_track) < of_heading / of_error
-        return loop.update(elapsed, wanted, where.cross_track if near else 0.0)
+    _inv = 0.0
+
+    def _trim(self) -> float:
+        limit = self.settings.largest_steering
+        return min(max(self._inv - self._x, -limit), limit)
+
+    def _steer(self, elapsed: float, speed: float, states: list[float], heading: float, where: Projection, r: float) -> float:
+        """Return the steering: the regulator about the motion along the path, and far from it a limited angle to it."""
+        loop, path, lookahead = self._steering, self.path, self.settings.lookahead
+        of_heading, of_error = loop.gains[-2:]
+        course = path.course(where.station, lookahead) - math.atan(of_error * where.cross_track / of_heading)
+        speed = max(speed, SLOWEST * self.settings.speed)
+        along, left = self._observer.along(course)
+        crab = math.asin(min(max(left / speed, -LARGEST_CRAB), LARGEST_CRAB))
+        through_water = speed * math.cos(crab)
+        over_ground = max(through_water + along, 0.0)
+        rate = path.curvature(where.station, lookahead) * over_ground ** 2 / through_water
+        sideslip = self.settings.sideslip * rate
+        turn = math.remainder(heading - course + crab + math.atan2(sideslip, speed), 2.0 * math.pi)
+        deviation = np.array([*states, turn]) - [sideslip, 0.0, rate, 0.0, 0.0]
+        if math.isnan(self._t0):
+            self._t0 = self._time
+        started = self._time - self._t0 > self.settings.period
+        self._inv = r / (self._b * TRIM_TIME)
+        self._x += min(elapsed / TRIM_TIME, 1.0) * (loop.control + self._inv - self._x)
+        if not started:
+            self._x = self._inv
+            return loop.update(elapsed, 0.0, 0.0)
+        trim = self._trim()
+        scale = self.settings.turn_response / self._b
+        self.debug = [turn, rate, states[2], trim, speed, over_ground]
+        return loop.update(elapsed, -scale * float(loop.gains[:-1] @ deviation) - trim, 0.0)
 
 
 def check_limits(settings: FollowerSettings, parameters: Parameters) -> None:

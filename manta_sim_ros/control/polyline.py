@@ -74,15 +74,26 @@ class Polyline:
         """Return the point (3,) at a station: at this horizontal length from the beginning [m]."""
         return np.array([np.interp(station, self._stations, axis) for axis in self.waypoints.T])
 
-    def course(self, station: float, ahead: float) -> float:
-        """Return the course from a station to a point ahead of it by this length [rad].
+    def course(self, station: float, length: float) -> float:
+        """Return the course of the path about a station: of the chord of this length whose middle is there [rad].
 
-        It is 0 along x and positive to the left. So a corner is rounded. At the end of the path, it is the course of
-        the last leg.
+        It is 0 along x and positive to the left. So a corner is rounded, and a circle has the course of its tangent.
+        Before its beginning and behind its end the path goes on straight.
         """
-        first = min(station, self.length - SHORTEST_LEG)
-        x, y, _ = self.point(min(first + ahead, self.length)) - self.point(first)
+        x, y, _ = self._extended(station + 0.5 * length) - self._extended(station - 0.5 * length)
         return math.atan2(y, x)
+
+    def curvature(self, station: float, length: float) -> float:
+        """Return the change of the course per length about a station [rad/m], positive to the left."""
+        ahead, behind = (self.course(station + offset, length) for offset in (0.25 * length, -0.25 * length))
+        return math.remainder(ahead - behind, 2.0 * math.pi) / (0.5 * length)
+
+    def _extended(self, station: float) -> FloatArray:
+        beyond = station - min(max(station, 0.0), self.length)
+        leg = 0 if beyond < 0.0 else -1
+        direction = (self.waypoints[leg + 1] - self.waypoints[leg]) if leg == 0 else (
+            self.waypoints[-1] - self.waypoints[-2])
+        return self.point(station) + beyond / self._lengths[leg] * direction
 
     def project(self, position: Sequence[float] | FloatArray, begin: float, end: float) -> Projection:
         """Return the point of the path nearest to a position (3,) [m] in the horizontal plane, between two stations."""

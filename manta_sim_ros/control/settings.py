@@ -52,7 +52,7 @@ class FollowerSettings(ParameterGroup):
         1.0, unit='rad/s', low=0.01, high=10.0,
         description='fastest change of amplitude, steering and bias', source='well below the rates of the stroke')
     steering_gains: tuple[float, ...] = quantity(
-        (0.4185, -0.1705, 1.692, 0.1336, 0.8153, 0.5444, 0.02729), low=-100.0, high=100.0,
+        (0.4185, -0.1705, 1.692, 0.1336, 0.8153, 0.5444), low=-100.0, high=100.0,
         description='steering [rad] per v, p, r, roll, heading, cross-track error and its integral [SI, rad]',
         source=GAINS)
     depth_gains: tuple[float, ...] = quantity(
@@ -61,6 +61,16 @@ class FollowerSettings(ParameterGroup):
     speed_gains: tuple[float, ...] = quantity(
         (1.191, 0.4335), low=-100.0, high=100.0,
         description='amplitude [rad] per u and its integral [SI]', source=GAINS)
+    speed_model: tuple[float, ...] = quantity(
+        (0.574, 2.78), low=0.0, high=100.0,
+        description='change of the speed through the water per amplitude [m/s/rad], and its time constant [s]',
+        source=GAINS)
+    turn_response: float = quantity(
+        0.329, unit='1/s^2', low=0.001, high=100.0,
+        description='yaw acceleration per steering', source=GAINS)
+    sideslip: float = quantity(
+        -0.277, unit='m', low=-10.0, high=10.0,
+        description='lateral velocity through the water per yaw rate', source=GAINS)
 
     def __post_init__(self) -> None:
         """Check every field, and the gains that guidance divides by."""

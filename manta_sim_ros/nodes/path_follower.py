@@ -7,8 +7,11 @@ from typing import Any
 
 import numpy as np
 import rclpy
+from builtin_interfaces.msg import Time
+from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import Odometry, Path
-from std_msgs.msg import Float64MultiArray
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from std_msgs.msg import Float64MultiArray, Header
 
 from manta_sim_ros.control.closed_loop import CONTROL_PERIOD
 from manta_sim_ros.control.follower import PathFollower, check_limits
@@ -25,6 +28,10 @@ from manta_sim_ros.nodes.refusals import Refusals
 QUEUE_DEPTH = 1
 
 
+FOLLOWED_PATH = 'followed_path'
+"""Topic of the path that is followed; an empty one says that none is."""
+
+
 def waypoints_of(message: Path, frame: str) -> list[list[float]]:
     """Return the positions [m] of a path in this frame.
 
@@ -36,8 +43,24 @@ def waypoints_of(message: Path, frame: str) -> list[list[float]]:
     """
     if message.header.frame_id != frame:
         raise ValueError(f'header.frame_id is {shown(message.header.frame_id)}, but must be {shown(frame)}')
+    return positions_of(message)
+
+
+def positions_of(message: Path) -> list[list[float]]:
+    """Return the positions [m] of a path."""
     positions = [stamped.pose.position for stamped in message.poses]
     return [[position.x, position.y, position.z] for position in positions]
+
+
+def message_of(waypoints: list[list[float]], frame: str, stamp: Time) -> Path:
+    """Return the message of a path with these waypoints [m]."""
+    header = Header(frame_id=frame, stamp=stamp)
+    message = Path(header=header)
+    for x, y, z in waypoints:
+        pose = PoseStamped(header=header)
+        pose.pose.position.x, pose.pose.position.y, pose.pose.position.z = x, y, z
+        message.poses.append(pose)
+    return message
 
 
 class PathFollowerNode(ParameterNode):
@@ -73,9 +96,11 @@ class PathFollowerNode(ParameterNode):
         warn = self.get_logger().warning
         self._bad_paths = Refusals(warn, 'path', 'what was followed goes on')
         self._bad_odometry = Refusals(warn, 'odom', 'it is not used')
+        self._publisher = publisher(self, 'fin_command')
+        self._followed = self.create_publisher(
+            Path, FOLLOWED_PATH, QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL))
         if mission:
             self._follow(read_mission(mission))
-        self._publisher = publisher(self, 'fin_command')
         subscription(self, 'odom', self._take)
         self.create_subscription(Path, 'path', self._take_path, QUEUE_DEPTH)
         self._timer = self.create_timer(CONTROL_PERIOD, self._watch)
@@ -96,6 +121,7 @@ class PathFollowerNode(ParameterNode):
         else:
             self._follower.follow(path)
         self.get_logger().info(f'following a path of {path.length:.2f} m')
+        self._tell(path.waypoints.tolist())
 
     def _take_path(self, message: Path) -> None:
         try:
@@ -135,6 +161,7 @@ class PathFollowerNode(ParameterNode):
         self._publish(follower.command(stamp))
         if follower.finished and not before:
             self.get_logger().info('the end of the path is reached: the robot glides to rest')
+            self._tell([])
 
     def _watch(self) -> None:
         """Let the robot glide to rest when no odometry comes."""
@@ -148,6 +175,9 @@ class PathFollowerNode(ParameterNode):
     def _publish(self, gaits: tuple[FinCommand, FinCommand]) -> None:
         left, right = (gait.as_array() for gait in gaits)
         self._publisher.publish(Float64MultiArray(data=np.column_stack([left, right]).ravel().tolist()))
+
+    def _tell(self, waypoints: list[list[float]]) -> None:
+        self._followed.publish(message_of(waypoints, self._frame, self.get_clock().now().to_msg()))
 
     def _now(self) -> float:
         return float(self.get_clock().now().nanoseconds * 1e-9)
