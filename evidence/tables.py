@@ -18,6 +18,7 @@ import yaml
 from evidence.report import table
 from manta_sim_ros.control.joystick import JoystickSettings
 from manta_sim_ros.control.manual import ManualSettings
+from manta_sim_ros.control.mission import MISSIONS
 from manta_sim_ros.control.settings import FollowerSettings
 from manta_sim_ros.control.teleoperation import KEYS
 from manta_sim_ros.dynamics import ParameterGroup, Quantity
@@ -71,6 +72,14 @@ def teleop_screen() -> str:
     from evidence.teleop_screen import picture  # needs Textual
 
     return f'```text\n{picture()}\n```'
+
+
+def missions() -> str:
+    """Return the values of each kind of mission."""
+    return table(('kind', 'value', 'default', 'unit', 'bounds', 'meaning'), (
+        (f'`{kind}`', f'`{name}`', f'`{_shown(getattr(mission(), name))}`', about.unit, _bounds(about),
+         about.description)
+        for kind, mission in MISSIONS.items() for name, about in mission.quantities().items()))
 
 
 def _rounded(value: Any) -> Any:
@@ -166,11 +175,13 @@ TABLES: dict[str, Callable[[], str]] = {
     'services': services,
     'parameters': parameters,
     'sim.launch.py': lambda: arguments_table(launch_arguments('sim.launch.py')),
+    'swim.launch.py': lambda: arguments_table(launch_arguments('swim.launch.py')),
     'two_mantas.launch.py': lambda: arguments_table(two_mantas()),
     'path follower': lambda: group_parameters(FollowerSettings()),
     'teleop': lambda: group_parameters(ManualSettings(), JoystickSettings()),
     'teleop keys': teleop_keys,
     'teleop screen': teleop_screen,
+    'missions': missions,
     'equations': equations,
 }
 

@@ -37,6 +37,8 @@ def generate_launch_description():
                               description='parameter file of the simulator'),
         DeclareLaunchArgument('gait', default_value='true', choices=BOOLEANS,
                               description='start gait_node, the example controller'),
+        DeclareLaunchArgument('current', default_value='',
+                              description='velocity of the water, such as [0, 0.1, 0] in m/s; empty: as in config'),
         DeclareLaunchArgument('initial_position', default_value='',
                               description='where it starts, such as [0, 3, -1] in m; empty: as in config'),
         DeclareLaunchArgument('initial_yaw', default_value='',
@@ -79,8 +81,9 @@ def processes(context):
     overrides |= {name: number(name, value(name)) for name in ('real_time_factor', 'initial_yaw') if value(name)}
     if value('sensor_seed'):
         overrides |= dict.fromkeys(SEEDS, whole('sensor_seed', value('sensor_seed')))
-    if value('initial_position'):
-        overrides['initial_position'] = position(value('initial_position'))
+    for argument, parameter in (('initial_position', 'initial_position'), ('current', 'water.current')):
+        if value(argument):
+            overrides[parameter] = vector(argument, value(argument))
     if value('publish_clock'):
         overrides |= {'publish_clock': wanted('publish_clock'), 'use_sim_time': not wanted('publish_clock')}
     if wanted('robot_state_publisher'):
@@ -149,13 +152,13 @@ def whole(name, text):
         raise RuntimeError(f'{name} is {text!r}, but must be a whole number') from None
 
 
-def position(text):
-    """Return the value of `initial_position`: three numbers with a decimal point each."""
+def vector(name, text):
+    """Return the value of an argument as three numbers with a decimal point each."""
     try:
         x, y, z = yaml.safe_load(text)
         return [float(x), float(y), float(z)]
     except (TypeError, ValueError, yaml.YAMLError):
-        raise RuntimeError(f'initial_position is {text!r}, but must be three numbers, such as [0, 3, -1]') from None
+        raise RuntimeError(f'{name} is {text!r}, but must be three numbers, such as [0, 3, -1]') from None
 
 
 def urdf(config, node, base_frame):

@@ -35,6 +35,7 @@ class PeriodAverage:
     def __init__(self, period: float) -> None:
         self._period = period
         self._samples: deque[tuple[float, FloatArray]] = deque()
+        self._began = 0.0
 
     def add(self, time: float, position: FloatArray, orientation: FloatArray, twist: FloatArray) -> None:
         """Take a sample: time [s], position (3,), orientation (x, y, z, w), twist (6,) in the body frame.
@@ -47,6 +48,8 @@ class PeriodAverage:
         if self._samples:
             before = self._samples[-1][1][-1]
             heading = before + np.remainder(heading - before + np.pi, 2.0 * np.pi) - np.pi
+        else:
+            self._began = time
         self._samples.append((time, np.array([*position, *twist, roll, pitch, heading])))
         while self._samples[0][0] <= time - self._period + 1e-9:
             self._samples.popleft()
@@ -54,6 +57,11 @@ class PeriodAverage:
     def clear(self) -> None:
         """Forget all samples."""
         self._samples.clear()
+
+    @property
+    def whole(self) -> bool:
+        """Whether the samples are those of a whole period."""
+        return bool(self._samples) and self._samples[-1][0] - self._began > self._period - 1e-9
 
     @property
     def mean(self) -> Motion:

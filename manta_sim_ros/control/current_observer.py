@@ -8,8 +8,8 @@ import numpy as np
 
 from manta_sim_ros.dynamics import FloatArray
 
-CURRENT_TIME = 5.0
-"""Time constant with which the estimate of the current follows [s], a few flapping periods."""
+CURRENT_TIME = 3.5
+"""Time constant with which the estimate of the current follows [s], two flapping periods."""
 
 BIAS_TIME = 15.0
 """Time constant with which an error of the model of the speed is found [s]: slower, as it takes a turn to tell the two

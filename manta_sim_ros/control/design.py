@@ -15,7 +15,7 @@ import scipy.linalg
 from manta_sim_ros.control.settings import FollowerSettings
 from manta_sim_ros.dynamics import FloatArray, Parameters, compile_kernels
 from manta_sim_ros.studies.arguments import Parser
-from manta_sim_ros.studies.linear_model import LinearModel
+from manta_sim_ros.studies.linear_model import FASTEST_DECAY, LinearModel
 from manta_sim_ros.studies.linearize import linearize
 from manta_sim_ros.studies.poincare import NoEquilibriumError
 
@@ -24,9 +24,9 @@ STEERING = {'left_phase': -1.0, 'right_phase': 1.0}
 BIAS = {'left_front_bias': 1.0, 'right_front_bias': 1.0, 'left_rear_bias': -1.0, 'right_rear_bias': -1.0}
 AMPLITUDE = {'left_amplitude': 1.0, 'right_amplitude': 1.0}
 
-LARGEST_STEERING, LARGEST_BIAS, LARGEST_AMPLITUDE = math.radians(6.0), math.radians(8.0), math.radians(10.0)
+LARGEST_STEERING, LARGEST_BIAS, LARGEST_AMPLITUDE = math.radians(12.0), math.radians(8.0), math.radians(10.0)
 """Controls [rad] that cost as much as the errors below: weights by the rule of Bryson."""
-HEADING, CROSS_TRACK, CROSS_TRACK_INTEGRAL = math.radians(30.0), 0.2, 2.0  # rad, m, m s
+HEADING, CROSS_TRACK = math.radians(30.0), 0.1  # rad, m
 HEIGHT, HEIGHT_INTEGRAL = 0.1, 1.5  # m, m s
 SPEED, SPEED_INTEGRAL = 0.1, 0.3  # m/s, m
 
@@ -50,6 +50,19 @@ def gains(model: LinearModel) -> dict[str, tuple[float, ...]]:
         'steering_gains': steering.regulator(LARGEST_STEERING, HEADING, CROSS_TRACK),
         'depth_gains': depth.regulator(LARGEST_BIAS, HEIGHT, HEIGHT_INTEGRAL),
         'speed_gains': speed.regulator(LARGEST_AMPLITUDE, SPEED, SPEED_INTEGRAL),
+    }
+
+
+def averaged(model: LinearModel) -> dict[str, float | tuple[float, ...]]:
+    """Return what FollowerSettings has of the averaged motion by name: response to amplitude and steering, sideslip."""
+    speed, turn = _Block(model, ('u',), AMPLITUDE), _Block(model, ('r',), STEERING)
+    decay = max(float(speed.A[0, 0]), FASTEST_DECAY)
+    drift = _Block(model, ('v', 'p', 'roll', 'r'), STEERING)
+    with_rate = np.linalg.solve(np.eye(3) - drift.A[:3, :3], drift.A[:3, 3])  # per yaw rate, while that is constant
+    return {
+        'speed_model': (float(speed.B[0]) / (1.0 - decay), -model.period / math.log(decay)),
+        'turn_response': float(turn.B[0]) / model.period,
+        'sideslip': float(drift.mean('v')[:4] @ [*with_rate, 1.0]),
     }
 
 
@@ -100,6 +113,7 @@ def main(args: Sequence[str] | None = None) -> None:
     options = parser.parse_args(args)
     try:
         parameters = Parameters() if options.config is None else Parameters.from_yaml(options.config)
+        check_degrees(options.amplitude)
         settings = FollowerSettings(amplitude=math.radians(options.amplitude), frequency=options.frequency)
         compile_kernels(parameters, lambda line: print(line, file=sys.stderr))
         print(parameter_file(design(parameters, settings)), end='')
@@ -109,8 +123,16 @@ def main(args: Sequence[str] | None = None) -> None:
         parser.error(str(error))
 
 
+def check_degrees(amplitude: float) -> None:
+    """Raise a ValueError if an amplitude [degrees] is out of the bounds of that of FollowerSettings."""
+    about = FollowerSettings.quantities()['amplitude']
+    low, high = math.degrees(about.low), math.degrees(about.high)
+    if not low <= amplitude <= high:
+        raise ValueError(f'--amplitude is {amplitude:g}, but must be from {low:.1f} to {high:.1f} degrees')
+
+
 def design(parameters: Parameters, settings: FollowerSettings) -> FollowerSettings:
-    """Return settings with the gains, and with the speed, of their cruise.
+    """Return settings with the gains, the speed and the averaged motion of their cruise.
 
     Raises
     ------
@@ -120,13 +142,19 @@ def design(parameters: Parameters, settings: FollowerSettings) -> FollowerSettin
     """
     model = linearize(parameters, settings.cruise, settings.cruise)
     rounded: dict[str, Any] = {
-        name: tuple(float(f'{gain:.4g}') for gain in values) for name, values in gains(model).items()}
+        name: tuple(map(_rounded, value)) if isinstance(value, tuple) else _rounded(value)
+        for name, value in {**averaged(model), **gains(model)}.items()}
     return dataclasses.replace(settings, speed=math.floor(100.0 * model.means[0]) / 100.0, **rounded)
+
+
+def _rounded(value: float) -> float:
+    return float(f'{value:.4g}')
 
 
 def parameter_file(settings: FollowerSettings) -> str:
     """Return the cruise, the speed and the gains as a parameter file of ROS 2."""
-    names = ('amplitude', 'frequency', 'phase', 'speed', 'steering_gains', 'depth_gains', 'speed_gains')
+    names = ('amplitude', 'frequency', 'phase', 'speed', 'speed_model', 'turn_response', 'sideslip', 'steering_gains',
+             'depth_gains', 'speed_gains')
     values = {name: getattr(settings, name) for name in names}
     lines = (f'    {name}: {list(value) if isinstance(value, tuple) else f"{value:.4g}"}'
              for name, value in values.items())

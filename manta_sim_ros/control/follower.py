@@ -7,10 +7,11 @@ import math
 
 import numpy as np
 
-from manta_sim_ros.control.averaging import PeriodAverage
+from manta_sim_ros.control.averaging import Motion, PeriodAverage
 from manta_sim_ros.control.current_observer import CurrentObserver
 from manta_sim_ros.control.polyline import Polyline, Projection
 from manta_sim_ros.control.settings import FollowerSettings
+from manta_sim_ros.control.turn_observer import TurnObserver
 from manta_sim_ros.dynamics import FinCommand, FloatArray, Parameters, Simulator
 
 SEARCHED = 2.0
@@ -19,14 +20,8 @@ SEARCHED = 2.0
 ARRIVED = 0.02
 """Distance from the end of the path at which it counts as followed [m]."""
 
-
-import os
-TRIM_TIME = float(os.environ.get('TRIM', 3.0))
-SMITH = float(os.environ.get('SMITH', 1.0))
-SCHED = float(os.environ.get('SCHED', 1.0))
-LEAD = float(os.environ.get('LEAD', 1.0))
 SLOWEST = 0.5
-"""Least speed through the water with which guidance reckons, over that of the cruise: the robot starts at rest."""
+"""Least speed through the water that guidance assumes, over that of the cruise: the robot starts at rest."""
 
 LARGEST_CRAB = 0.8
 """Largest part of the speed that is spent against a current across the path."""
@@ -40,7 +35,7 @@ class Loop:
     Parameters
     ----------
     gains
-        Of the states, the last one of the integral.
+        Of the states, and the last one of the integral where it is used.
     low, high
         Limits of the control.
     rate
@@ -97,13 +92,10 @@ class PathFollower:
         self._steering = Loop(settings.steering_gains, -settings.largest_steering, settings.largest_steering, rate)
         self._bias = Loop(settings.depth_gains, -settings.largest_bias, settings.largest_bias, rate)
         self._amplitude = Loop(settings.speed_gains, 0.0, settings.largest_amplitude, rate)
+        self._water = CurrentObserver(settings.speed, settings.amplitude, settings.speed_model, settings.sideslip)
+        self._turn = TurnObserver(settings.turn_response, 0.5 * settings.period, settings.largest_steering)
         self._station = 0.0
         self._time = math.nan
-        self._x = 0.0
-        self._sf = 0.0
-        self._t0 = math.nan
-        self._observer = CurrentObserver(
-            settings.speed, settings.amplitude, settings.speed_model, settings.sideslip)
 
     def follow(self, path: Polyline) -> None:
         """Follow another path from now on, from its beginning; what is known of the current is kept."""
@@ -112,7 +104,7 @@ class PathFollower:
     @property
     def current(self) -> FloatArray:
         """(2,) estimate of the velocity of the water [m/s], world frame."""
-        return self._observer.current
+        return self._water.current
 
     @property
     def finished(self) -> bool:
@@ -128,32 +120,41 @@ class PathFollower:
         elapsed = time - self._time if time > self._time else 0.0  # also at the first time, and when it goes back
         self._time = time
         motion = self._average.mean
-        lookahead = self.settings.lookahead
-        lag = 0.5 * self.settings.period * LEAD
-        u, v, w, p, q, r = motion.twist.tolist()
-        roll, pitch, heading = motion.attitude.tolist()
-        cos, sin = math.cos(heading), math.sin(heading)
-        position = motion.position + lag * np.array([cos * u - sin * v, sin * u + cos * v, 0.0])
-        where = self.path.project(position, self._station, self._station + SEARCHED * lookahead)
+        where = self.path.project(
+            self._position_now(motion), self._station, self._station + SEARCHED * self.settings.lookahead)
         self._station = where.station
         if self.finished:
             return self.glide()
-        b = self.settings.turn_response * (SCHED * (self._amplitude.control / self.settings.amplitude) ** 2 + 1 - SCHED)
-        self._b = max(b, 0.3 * self.settings.turn_response)
-        self._sf += min(elapsed / lag, 1.0) * (self._steering.control + self._trim() - self._sf)
-        rate = r + SMITH * self._b * lag * self._sf
-        heading_now = heading + lag * 0.5 * (r + rate)
-        self._observer.update(elapsed, self._amplitude.control, heading, u, v, r)
-        forward, left = self._observer.along(heading)
-        steering = self._steer(elapsed, u - forward, [v - left, p, rate, roll], heading_now, where, r)
+        u, v, w, p, q, r = motion.twist.tolist()
+        roll, pitch, heading = motion.attitude.tolist()
+        self._water.update(elapsed, self._amplitude.control, heading, u, v, r)
+        forward, left = self._water.along(heading)
+        if self._average.whole:  # before that, the means have the stroke in them
+            self._turn.update(elapsed, self._steering.control, r)
+            heading += 0.25 * self.settings.period * (r + self._turn.rate)
+            wanted = self._guide(u - forward, [v - left, p, self._turn.rate, roll], heading, where)
+        else:
+            wanted = 0.0
+        steering = self._steering.update(elapsed, wanted, 0.0)
         bias = self._bias.regulate(elapsed, [w, q, pitch, where.height])
         amplitude = self._amplitude.regulate(elapsed, [u - forward - self.settings.speed])
         return self._gait(amplitude, -steering, bias), self._gait(amplitude, steering, bias)
+
+    def _position_now(self, motion: Motion) -> FloatArray:
+        """Return the position (3,) [m] to which the mean velocity has brought the robot since the middle of the means.
+
+        The height is that of the mean.
+        """
+        u, v = motion.twist[:2]
+        cos, sin = math.cos(motion.attitude[2]), math.sin(motion.attitude[2])
+        velocity = np.array([cos * u - sin * v, sin * u + cos * v, 0.0])
+        return motion.position + 0.5 * self.settings.period * velocity
 
     def glide(self) -> tuple[FinCommand, FinCommand]:
         """Return the gaits with which the robot glides to rest, and forget how it moved."""
         self._time = math.nan
         self._average.clear()
+        self._turn.reset()
         for loop in (self._steering, self._bias, self._amplitude):
             loop.control = 0.0
         return self._gait(0.0, 0.0, 0.0), self._gait(0.0, 0.0, 0.0)
@@ -161,38 +162,26 @@ class PathFollower:
     def _gait(self, amplitude: float, steering: float, bias: float) -> FinCommand:
         return FinCommand(amplitude, self.settings.frequency, self.settings.phase + steering, bias, -bias)
 
-    _inv = 0.0
+    def _guide(self, speed: float, states: list[float], heading: float, where: Projection) -> float:
+        """Return the steering that is wanted: the regulator about the motion along the path, and far from it about a
+        limited angle to the path.
 
-    def _trim(self) -> float:
-        limit = self.settings.largest_steering
-        return min(max(self._inv - self._x, -limit), limit)
-
-    def _steer(self, elapsed: float, speed: float, states: list[float], heading: float, where: Projection, r: float) -> float:
-        """Return the steering: the regulator about the motion along the path, and far from it a limited angle to it."""
-        loop, path, lookahead = self._steering, self.path, self.settings.lookahead
-        of_heading, of_error = loop.gains[-2:]
-        course = path.course(where.station, lookahead) - math.atan(of_error * where.cross_track / of_heading)
+        `speed` is that through the water [m/s], and `states` are v through the water, p, r and roll.
+        """
+        gains, lookahead = self._steering.gains, self.settings.lookahead
+        of_heading, of_error = gains[-2:]
+        course = self.path.course(where.station, lookahead) - math.atan(of_error * where.cross_track / of_heading)
         speed = max(speed, SLOWEST * self.settings.speed)
-        along, left = self._observer.along(course)
+        along, left = self._water.along(course)
         crab = math.asin(min(max(left / speed, -LARGEST_CRAB), LARGEST_CRAB))
-        through_water = speed * math.cos(crab)
+        through_water = speed * math.cos(crab)  # its part along the course
         over_ground = max(through_water + along, 0.0)
-        rate = path.curvature(where.station, lookahead) * over_ground ** 2 / through_water
+        # The heading is the course minus the crab angle, which changes with the course.
+        rate = self.path.curvature(where.station, lookahead) * over_ground ** 2 / through_water
         sideslip = self.settings.sideslip * rate
         turn = math.remainder(heading - course + crab + math.atan2(sideslip, speed), 2.0 * math.pi)
         deviation = np.array([*states, turn]) - [sideslip, 0.0, rate, 0.0, 0.0]
-        if math.isnan(self._t0):
-            self._t0 = self._time
-        started = self._time - self._t0 > self.settings.period
-        self._inv = r / (self._b * TRIM_TIME)
-        self._x += min(elapsed / TRIM_TIME, 1.0) * (loop.control + self._inv - self._x)
-        if not started:
-            self._x = self._inv
-            return loop.update(elapsed, 0.0, 0.0)
-        trim = self._trim()
-        scale = self.settings.turn_response / self._b
-        self.debug = [turn, rate, states[2], trim, speed, over_ground]
-        return loop.update(elapsed, -scale * float(loop.gains[:-1] @ deviation) - trim, 0.0)
+        return -float(gains[:-1] @ deviation) - self._turn.disturbance
 
 
 def check_limits(settings: FollowerSettings, parameters: Parameters) -> None:

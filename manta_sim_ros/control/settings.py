@@ -41,9 +41,9 @@ class FollowerSettings(ParameterGroup):
         math.radians(40.0), unit='rad', low=0.05, high=1.0, description='upper limit of the amplitude',
         source='the prototype')
     largest_steering: float = quantity(
-        math.radians(15.0), unit='rad', low=0.01, high=1.0,
+        math.radians(17.0), unit='rad', low=0.01, high=1.0,
         description='limit of the phase added on the right and subtracted on the left, to turn to the left',
-        source='more turns hardly faster, but swims slower')
+        source='more turns hardly faster, but swims slower, except in a climb')
     largest_bias: float = quantity(
         math.radians(12.0), unit='rad', low=0.01, high=0.5,
         description='limit of the bias added to the front rods and subtracted from the rear rods, to climb',
@@ -52,8 +52,8 @@ class FollowerSettings(ParameterGroup):
         1.0, unit='rad/s', low=0.01, high=10.0,
         description='fastest change of amplitude, steering and bias', source='well below the rates of the stroke')
     steering_gains: tuple[float, ...] = quantity(
-        (0.4185, -0.1705, 1.692, 0.1336, 0.8153, 0.5444), low=-100.0, high=100.0,
-        description='steering [rad] per v, p, r, roll, heading, cross-track error and its integral [SI, rad]',
+        (0.8791, -0.2201, 2.069, 0.1642, 1.325, 0.8487), low=-100.0, high=100.0,
+        description='steering [rad] per v, p, r, roll, heading and cross-track error [SI, rad]',
         source=GAINS)
     depth_gains: tuple[float, ...] = quantity(
         (0.5181, -0.175, -0.1352, 1.635, 0.07604), low=-100.0, high=100.0,
@@ -62,19 +62,20 @@ class FollowerSettings(ParameterGroup):
         (1.191, 0.4335), low=-100.0, high=100.0,
         description='amplitude [rad] per u and its integral [SI]', source=GAINS)
     speed_model: tuple[float, ...] = quantity(
-        (0.574, 2.78), low=0.0, high=100.0,
+        (0.5736, 2.781), low=0.0, high=100.0,
         description='change of the speed through the water per amplitude [m/s/rad], and its time constant [s]',
         source=GAINS)
     turn_response: float = quantity(
-        0.329, unit='1/s^2', low=0.001, high=100.0,
-        description='yaw acceleration per steering', source=GAINS)
+        0.329, unit='1/s^2', low=0.01, high=100.0, description='yaw acceleration per steering', source=GAINS)
     sideslip: float = quantity(
-        -0.277, unit='m', low=-10.0, high=10.0,
+        -0.2793, unit='m', low=-10.0, high=10.0,
         description='lateral velocity through the water per yaw rate', source=GAINS)
 
     def __post_init__(self) -> None:
         """Check every field, and the gains that guidance divides by."""
         super().__post_init__()
+        if not self.speed_model[1] > 0.0:
+            raise ValueError(f'speed_model[1] is {self.speed_model[1]:g} s, but must be above 0')
         if not min(self.steering_gains[4:6]) > 0.0:
             raise ValueError(
                 f'steering_gains of heading and cross-track error are {list(self.steering_gains[4:6])}, but must be '

@@ -22,12 +22,13 @@ from evidence.tables import launch_arguments, two_mantas
 from manta_sim_ros.nodes.interface import TOPICS
 
 ROOT = Path(__file__).parents[2]
-SIM, TWO = 'sim.launch.py', 'two_mantas.launch.py'
+SIM, TWO, SWIM = 'sim.launch.py', 'two_mantas.launch.py', 'swim.launch.py'
 
 needs_launch = pytest.mark.skipif(find_spec('launch_ros') is None, reason='launch_ros is not installed')
 
 
-@pytest.mark.parametrize(('name', 'arguments'), [(SIM, launch_arguments(SIM)), (TWO, two_mantas())])
+@pytest.mark.parametrize(('name', 'arguments'), [
+    (SIM, launch_arguments(SIM)), (TWO, two_mantas()), (SWIM, launch_arguments(SWIM))])
 def test_the_docs_list_the_arguments_of_each_launch_file(name, arguments):
     page = (ROOT / 'docs' / 'ros_interface.md').read_text(encoding='utf-8')
     head, *rows = read_table(page[page.index(f'<!-- table: {name} -->'):])
@@ -37,18 +38,19 @@ def test_the_docs_list_the_arguments_of_each_launch_file(name, arguments):
 
 
 @needs_launch
-@pytest.mark.parametrize(('name', 'arguments'), [(SIM, launch_arguments(SIM)), (TWO, two_mantas())])
+@pytest.mark.parametrize(('name', 'arguments'), [
+    (SIM, launch_arguments(SIM)), (TWO, two_mantas()), (SWIM, launch_arguments(SWIM))])
 def test_launch_takes_the_arguments_of_the_docs(name, arguments):
     from launch import LaunchContext
     from launch.launch_description_sources import AnyLaunchDescriptionSource
 
     description = AnyLaunchDescriptionSource(str(ROOT / 'launch' / name)).get_launch_description(LaunchContext())
     taken = {argument.name for argument in description.get_launch_arguments()}
-    assert taken >= set(arguments) and (name == TWO or taken == set(arguments))
+    assert taken >= set(arguments) and (name != SIM or taken == set(arguments))
 
 
 def test_there_are_no_other_launch_files():
-    assert {path.name for path in (ROOT / 'launch').glob('*.launch.*')} == {SIM, TWO}
+    assert {path.name for path in (ROOT / 'launch').glob('*.launch.*')} == {SIM, TWO, SWIM}
 
 
 LAUNCHER = """
@@ -110,7 +112,7 @@ def launched(tmp_path):
         path.chmod(0o755)
 
     def launch(name, arguments='', packages=OPTIONAL, expected=1):
-        package('manta_sim_ros', 'sim_node', 'gait_node')
+        package('manta_sim_ros', 'sim_node', 'gait_node', 'path_follower', 'track_node')
         (prefix / 'share' / 'manta_sim_ros').symlink_to(ROOT)
         program(prefix / 'bin' / 'ros2')
         for each in packages:
@@ -155,12 +157,12 @@ def test_arguments_reach_the_simulator_with_the_types_that_it_wants(launched, tm
     (tmp_path / 'my.yaml').write_text('/**: {ros__parameters: {real_time_factor: 0.5, odom_frame: map}}')
     (simulator,), _, _ = launched(SIM, 'config:=my.yaml gait:=false namespace:=m1 real_time_factor:=2 '
                                        'publish_clock:=false base_frame:=1 initial_position:="[0, 3, -1]" '
-                                       'initial_yaw:=1 sensor_seed:=7')
+                                       'initial_yaw:=1 sensor_seed:=7 current:="[0, 0.1, 0]"')
     assert simulator.namespace == '/m1'
     assert repr(sorted(simulator.parameters.items())) == repr(sorted({
         'real_time_factor': 2.0, 'odom_frame': 'map', 'base_frame': '1', 'publish_clock': False, 'use_sim_time': True,
-        'initial_position': [0.0, 3.0, -1.0], 'initial_yaw': 1.0, 'imu.seed': 7,
-        'pressure.seed': 7,
+        'initial_position': [0.0, 3.0, -1.0], 'water.current': [0.0, 0.1, 0.0], 'initial_yaw': 1.0, 'imu.seed': 7,
+        'odom_noise.seed': 7, 'pressure.seed': 7, 'velocity.seed': 7,
     }.items()))
 
 
@@ -220,6 +222,7 @@ def test_a_recording_without_a_name_has_date_time_and_namespace(launched):
 @pytest.mark.parametrize(('arguments', 'packages', 'parts'), [
     ('config:=/no/such.yaml', OPTIONAL, ["config is '/no/such.yaml', but there is no such file"]),
     ('real_time_factor:=fast', OPTIONAL, ["real_time_factor is 'fast', but must be a number"]),
+    ('current:=fast', OPTIONAL, ["current is 'fast', but must be three numbers"]),
     ('initial_position:=3', OPTIONAL, ["initial_position is '3', but must be three numbers"]),
     ('gait:=perhaps', OPTIONAL, ['Argument "gait" provided value "perhaps" is not valid']),
     ('record:=true bag:=prefix', OPTIONAL, ["bag is 'prefix', but that exists already"]),
@@ -295,3 +298,28 @@ def test_two_mantas_are_seen_in_one_rviz_and_recorded_to_a_bag_each(launched):
     assert leader['start_paused'] is True and follower['start_paused'] is False  # it follows the clock of the other
     bags = {each.words[each.words.index('--output') + 1][-8:] for each in programs[2:4]}
     assert bags == {'_manta_1', '_manta_2'}
+
+
+@needs_launch
+def test_a_swim_has_the_path_follower_as_controller_and_a_recorder_of_the_track(launched, tmp_path):
+    gains = ROOT / 'config' / 'path_follower_manta.yaml'
+    config = ROOT / 'config' / 'manta.yaml'
+    programs, status, output = launched(
+        SWIM, f'namespace:=m1 config:={config} gains:={gains} mission:=mine.yaml output:=mine.png '
+              'current:="[0, 0.1, 0]"', expected=3)
+    assert status == 0 and 'Traceback' not in output
+    follower, simulator, track = programs
+    assert [each.name for each in programs] == ['path_follower', 'sim_node', 'track_node']
+    assert {each.namespace for each in programs} == {'/m1'}
+    assert simulator.parameters['water.current'] == [0.0, 0.1, 0.0]
+    assert follower.parameters['mission'] == 'mine.yaml' and follower.parameters['robot'] == str(config)
+    assert follower.parameters['speed'] == yaml.safe_load(gains.read_text())['/**']['ros__parameters']['speed']
+    assert track.parameters == {'use_sim_time': True, 'output': 'mine.png'}
+    assert follower.parameters['use_sim_time'] is True
+
+
+@needs_launch
+def test_a_swim_takes_no_gait(launched):
+    programs, status, output = launched(SWIM, 'gait:=true')
+    assert programs == [] and status != 0
+    assert "gait is 'true', but swim.launch.py sets it" in output and 'Traceback' not in output
