@@ -13,7 +13,8 @@ SHARE = FindPackageShare('manta_sim_ros')
 
 def generate_launch_description():
     return LaunchDescription([
-        DeclareLaunchArgument('mission', default_value=PathJoinSubstitution([SHARE, 'config', 'missions', 'helix.yaml']),
+        DeclareLaunchArgument('mission',
+                              default_value=PathJoinSubstitution([SHARE, 'config', 'missions', 'helix.yaml']),
                               description='mission file; empty: wait for a path on the topic path'),
         DeclareLaunchArgument('config', default_value=PathJoinSubstitution([SHARE, 'config', 'freshwater.yaml']),
                               description='parameter file of the simulator'),

@@ -20,8 +20,8 @@ class CurrentObserver:
     """Estimates the current as the velocity over ground minus the velocity through the water of a model.
 
     In the model, the forward speed through the water follows the amplitude with first order, and the lateral velocity
-    is proportional to the yaw rate. A constant error of the speed is estimated too: on a straight line it cannot be told
-    from a current along the line, but a turn tells them apart.
+    is proportional to the yaw rate. A constant error of the speed is estimated too: on a straight line it cannot be
+    told from a current along the line, but a turn tells them apart.
 
     Parameters
     ----------
@@ -42,7 +42,7 @@ class CurrentObserver:
         self._sideslip = sideslip
         self._modeled = 0.0  # speed [m/s]; the robot starts at rest
         self._bias = 0.0  # of the speed [m/s]
-        self.current = np.zeros(2)
+        self.current: FloatArray = np.zeros(2)
         """(2,) estimate of the velocity of the water [m/s], world frame."""
 
     def update(self, elapsed: float, amplitude: float, heading: float, u: float, v: float, r: float) -> None:

@@ -163,10 +163,10 @@ class PathFollower:
         return FinCommand(amplitude, self.settings.frequency, self.settings.phase + steering, bias, -bias)
 
     def _guide(self, speed: float, states: list[float], heading: float, where: Projection) -> float:
-        """Return the steering that is wanted: the regulator about the motion along the path, and far from it about a
-        limited angle to the path.
+        """Return the steering that is wanted: the regulator acts on deviations from the motion along the path.
 
-        `speed` is that through the water [m/s], and `states` are v through the water, p, r and roll.
+        Far from the path, that is a motion at a limited angle to it. `speed` is that through the water [m/s], and
+        `states` are v through the water, p, r and roll.
         """
         gains, lookahead = self._steering.gains, self.settings.lookahead
         of_heading, of_error = gains[-2:]

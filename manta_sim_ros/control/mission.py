@@ -113,7 +113,7 @@ class Helix(Circle):
 
 @dataclasses.dataclass(frozen=True)
 class StationKeeping(ParameterGroup):
-    """Remain near a point: on a circle about it, as the robot sinks or climbs when it has no speed."""
+    """Remain near a point: on a circle about it, as the robot does not steer without speed."""
 
     prefix: ClassVar[str] = 'station_keeping.'
 

@@ -63,6 +63,7 @@ class Polyline:
                     f'the leg to waypoint {index + 1} has a slope of {climb / length:g}, but must be within '
                     f'+-{STEEPEST:g}')
         self._lengths = lengths
+        self._directions = legs / lengths[:, np.newaxis]
         self._stations = np.concatenate([[0.0], np.cumsum(lengths)])
 
     @property
@@ -89,11 +90,10 @@ class Polyline:
         return math.remainder(ahead - behind, 2.0 * math.pi) / (0.5 * length)
 
     def _extended(self, station: float) -> FloatArray:
+        """Return the point (3,) at a station, also before the beginning and behind the end."""
         beyond = station - min(max(station, 0.0), self.length)
         leg = 0 if beyond < 0.0 else -1
-        direction = (self.waypoints[leg + 1] - self.waypoints[leg]) if leg == 0 else (
-            self.waypoints[-1] - self.waypoints[-2])
-        return self.point(station) + beyond / self._lengths[leg] * direction
+        return self.point(station) + beyond * self._directions[leg]
 
     def project(self, position: Sequence[float] | FloatArray, begin: float, end: float) -> Projection:
         """Return the point of the path nearest to a position (3,) [m] in the horizontal plane, between two stations."""
@@ -102,7 +102,7 @@ class Polyline:
         last = int(np.searchsorted(self._stations, end, side='left'))
         legs = slice(min(first, len(self._lengths) - 1), max(last, first + 1))
         starts, lengths = self._stations[:-1][legs], self._lengths[legs]
-        directions = np.diff(self.waypoints, axis=0)[legs, :2] / lengths[:, np.newaxis]
+        directions = self._directions[legs, :2]
         offsets = np.asarray(position)[:2] - self.waypoints[:-1][legs, :2]
         along = np.sum(offsets * directions, axis=1)
         held = np.clip(along, np.maximum(begin - starts, 0.0), np.minimum(end - starts, lengths))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -73,7 +73,7 @@ def draw(track: Track, file: Path) -> None:
 
     def panels(figure: Figure) -> None:
         axes = figure.subplot_mosaic([['top', 'height'], ['top', 'errors']], width_ratios=[1.2, 1.0])
-        path_style = {'color': '#444444', 'linestyle': '--'}
+        path_style: dict[str, Any] = {'color': '#444444', 'linestyle': '--'}
         axes['top'].plot(*track.path.waypoints.T[:2], **path_style, label='path')
         axes['top'].plot(x, y, label='track')
         axes['top'].plot(x[0], y[0], 'o', color='#0072b2', label='start')

@@ -5,10 +5,12 @@ from __future__ import annotations
 import math
 import sys
 from pathlib import Path as FilePath
+from typing import Any
 
 import numpy as np
 import rclpy
 from nav_msgs.msg import Odometry, Path
+from rclpy.client import Client
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 from rclpy.qos import DurabilityPolicy, QoSProfile
@@ -64,7 +66,7 @@ class TrackNode(ParameterNode):
         latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
         self.create_subscription(Path, FOLLOWED_PATH, self._take_path, latched)
         if lockstep:
-            self._step = self.create_client(Trigger, 'manta_sim/step')
+            self._step: Client[Any, Any] = self.create_client(Trigger, 'manta_sim/step')
             self._stepped = False
             subscription(self, 'fin_command', self._advance)
             self._timer = self.create_timer(

@@ -11,6 +11,7 @@ from manta_sim_ros.control.averaging import PeriodAverage
 from manta_sim_ros.control.closed_loop import CONTROL_PERIOD
 from manta_sim_ros.control.design import design, main
 from manta_sim_ros.control.follower import Loop, PathFollower
+from manta_sim_ros.control.mission import path_of
 from manta_sim_ros.control.polyline import Polyline
 from manta_sim_ros.control.settings import FollowerSettings
 from manta_sim_ros.dynamics import read_sections, values_for
@@ -35,7 +36,7 @@ def test_the_robot_stays_near_the_path_within_its_limits(case):
 def test_the_default_gains_are_those_of_the_linear_model_in_fresh_water():
     parameters, settings = ROBOTS['freshwater']
     computed = design(parameters, settings)
-    for name in ('speed', 'steering_gains', 'depth_gains', 'speed_gains'):
+    for name in ('speed', 'speed_model', 'turn_response', 'sideslip', 'steering_gains', 'depth_gains', 'speed_gains'):
         np.testing.assert_allclose(getattr(settings, name), getattr(computed, name), rtol=0.02, atol=1e-3)
 
 
@@ -50,7 +51,8 @@ def test_path_gains_prints_the_parameter_file_of_the_paper(capsys, tmp_path):
 
 
 @pytest.mark.parametrize(('arguments', 'words'), [
-    (['--amplitude', '90'], 'amplitude is 1.57'), (['--frequency', '9'], 'frequency is 9.0, but must be from 0.1 to 2'),
+    (['--amplitude', '90'], '--amplitude is 90, but must be from 2.9 to 57.3 degrees'),
+    (['--frequency', '9'], 'frequency is 9.0, but must be from 0.1 to 2'),
     (['--config', '/none.yaml'], '/none.yaml')])
 def test_wrong_input_of_path_gains_ends_it_with_one_line_and_status_2(arguments, words, capsys):
     with pytest.raises(SystemExit) as ended:
@@ -71,6 +73,16 @@ def test_the_mean_over_a_period_has_nothing_of_the_stroke_and_no_jump_of_the_hea
     np.testing.assert_allclose(mean.position, 0.0, atol=1e-12)
     np.testing.assert_allclose(mean.twist, 1.0, atol=1e-12)
     np.testing.assert_allclose(mean.attitude, [0.0, 0.0, 3.0 + 0.2 * 9.05], atol=1e-12)
+
+
+def test_steering_begins_when_the_means_are_over_a_whole_period():
+    follower = PathFollower(Polyline([[0.0, 1.0, 0.0], [5.0, 1.0, 0.0]]))
+    steered = []
+    for step in range(20):
+        follower.observe(0.1 * step, np.zeros(3), np.array([0.0, 0.0, 0.0, 1.0]), np.zeros(6))
+        left, right = follower.command(0.1 * step)
+        steered.append(right.phase > left.phase)
+    assert steered == [0.1 * step >= follower.settings.period for step in range(20)]
 
 
 def test_when_time_goes_back_the_mean_begins_again():
@@ -107,11 +119,11 @@ def test_at_the_end_and_without_odometry_the_robot_glides_to_rest():
 
 def test_another_path_is_followed_without_a_break_of_the_stroke():
     follower = PathFollower(Polyline([[0.0, 0.0, 0.0], [5.0, 0.0, 0.0]]))
-    for step in range(10):
-        follower.observe(0.1 * step, np.array([0.4 * step, 0.0, 0.0]), np.array([0.0, 0.0, 0.0, 1.0]), np.zeros(6))
+    for step in range(30):
+        follower.observe(0.1 * step, np.array([0.1 * step, 0.0, 0.0]), np.array([0.0, 0.0, 0.0, 1.0]), np.zeros(6))
         before, _ = follower.command(0.1 * step)
     follower.follow(Polyline([[0.0, 0.0, 0.0], [0.0, 1.0, 0.0]]))
-    left, right = follower.command(1.0)
+    left, right = follower.command(3.0)
     assert left.amplitude == pytest.approx(before.amplitude, abs=0.1) and before.amplitude > 0.2
     assert left.phase < right.phase  # to the left
     assert not follower.finished
@@ -120,12 +132,21 @@ def test_another_path_is_followed_without_a_break_of_the_stroke():
 def test_a_path_is_rounded_at_its_corners_and_has_two_sides():
     path = Polyline([[0.0, 0.0, 0.0], [2.0, 0.0, 0.2], [2.0, 2.0, 0.2]])
     assert path.length == 4.0
-    assert path.course(0.0, 1.0) == 0.0
-    assert path.course(1.5, 1.0) == pytest.approx(math.pi / 4.0)
-    assert path.course(4.0, 1.0) == pytest.approx(math.pi / 2.0)
+    assert path.course(0.0, 1.0) == path.course(1.5, 1.0) == 0.0
+    assert path.course(2.0, 1.0) == pytest.approx(math.pi / 4.0)
+    assert path.course(2.5, 1.0) == path.course(4.0, 1.0) == pytest.approx(math.pi / 2.0)
     assert path.project([1.0, 0.3, 0.0], 0.0, 4.0) == pytest.approx((1.0, 0.3, -0.1))
     assert path.project([2.5, 1.0, 0.5], 0.0, 4.0) == pytest.approx((3.0, -0.5, 0.3))
     assert path.project([2.5, 1.0, 0.5], 0.0, 1.0).station == 1.0  # not beyond what is searched
+
+
+@pytest.mark.parametrize('turns', [1.0, -1.0])
+def test_a_circle_has_the_course_of_its_tangent_and_its_curvature(turns):
+    path = path_of({'circle': {'radius': 2.0, 'turns': turns}})
+    for share in (0.25, 0.5, 0.75):
+        course = math.remainder(2.0 * math.pi * turns * share - path.course(share * path.length, 1.8), 2.0 * math.pi)
+        assert course == pytest.approx(0.0, abs=0.01)
+        assert path.curvature(share * path.length, 1.8) == pytest.approx(0.5 * turns, rel=0.05)
 
 
 @pytest.mark.parametrize(('waypoints', 'words'), [

@@ -111,7 +111,7 @@ def test_what_has_no_effect_is_warned_of_in_one_line(launch, tmp_path, arguments
     assert all(word in line for word in words)
 
 
-@pytest.mark.parametrize('executable', ['sim_node', 'gait_node', 'monitor_node', 'path_follower'])
+@pytest.mark.parametrize('executable', ['sim_node', 'gait_node', 'monitor_node', 'path_follower', 'track_node'])
 def test_every_node_warns_of_unknown_parameters_and_of_files_for_others(launch, tmp_path, executable):
     path = tmp_path / 'other.yaml'
     path.write_text('/ray: {ros__parameters: {color: red}}')

@@ -6,6 +6,7 @@ import signal
 import pytest
 from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import Odometry, Path
+from rclpy.qos import DurabilityPolicy, QoSProfile
 from rosgraph_msgs.msg import Clock
 from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import Trigger
@@ -29,6 +30,9 @@ def test_it_follows_a_path_and_glides_to_rest_at_its_end(launch, probe):
                        '-p publish_rate:=50.0')
     follower = launch('path_follower', '-p use_sim_time:=true')
     paths = probe.node.create_publisher(Path, 'path', 1)
+    followed = []
+    latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+    probe.node.create_subscription(Path, 'followed_path', lambda path: followed.append(len(path.poses)), latched)
     with probe.record(Odometry, 'odom') as odometry, probe.record(Float64MultiArray, 'fin_command') as commands:
         step = probe.node.create_client(Trigger, '/manta_sim/step')
         probe.until(lambda: paths.get_subscription_count() and step.service_is_ready(), 'both nodes')
@@ -42,6 +46,8 @@ def test_it_follows_a_path_and_glides_to_rest_at_its_end(launch, probe):
                 break
         end = odometry[-1].pose.pose.position
         assert commands[-1].data[:2].tolist() == [0.0, 0.0]
+    probe.until(lambda: followed[-1:] == [0], 'an empty path')  # none is followed any more
+    assert set(followed) == {2, 0}
     assert end.x > 1.9 and abs(end.y) < 0.05 and abs(end.z - 0.05) < 0.1
     follower.send(signal.SIGINT)
     assert follower.exit_status() == 0
@@ -125,8 +131,9 @@ def test_bad_paths_and_odometry_are_refused_in_one_line(launch, probe, robot):
 @pytest.mark.parametrize(('arguments', 'words'), [
     ('-p speed:=9.0', ['speed is 9.0', 'from 0.02 to 2 m/s']),
     ('-p depth_gains:=[1.0]', ['depth_gains', 'list of 5 numbers']),
-    ('-p steering_gains:=[0.0,0.0,0.0,0.0,0.0,0.0,0.0]', ['steering_gains', 'must be above 0']),
+    ('-p steering_gains:=[0.0,0.0,0.0,0.0,0.0,0.0]', ['steering_gains', 'must be above 0']),
     ('-p largest_bias:=0.5 -p largest_steering:=1.0', ['at the limits', 'closes only below']),
+    ('-p speed_model:=[0.5,0.0]', ['speed_model[1] is 0 s', 'above 0']),
     ('-p odom_timeout:=0.0', ['odom_timeout is 0.0 s', 'from 0.05 to 60 s']),
     ('-p mission:=/none.yaml', ['/none.yaml', 'No such file']),
     ('-p mission:=config/manta.yaml', ['config/manta.yaml', 'waypoints']),

@@ -10,7 +10,9 @@ from manta_sim_ros.nodes.interface import SERVICES, TOPICS
 
 POLICY = Path(__file__).parents[2] / 'config' / 'sros2' / 'policy.xml'
 RIGHTS = {'publish': 'publisher', 'subscribe': 'subscriber', 'reply': 'service', 'request': 'client'}
-NODES = {'manta_sim': 'sim_node', 'manta_gait': 'gait_node', 'manta_monitor': 'monitor_node'}
+NODES = {
+    'manta_sim': 'sim_node', 'manta_gait': 'gait_node', 'manta_monitor': 'monitor_node',
+    'manta_path_follower': 'path_follower', 'manta_track': 'track_node'}
 
 
 def resolved(name, node, namespace='/'):
@@ -45,6 +47,8 @@ def graph(module_launch, probe):
     module_launch('sim_node', '-r __ns:=/other -p publish_clock:=false -p use_sim_time:=true')
     module_launch('gait_node', '-p use_sim_time:=true')
     module_launch('monitor_node', '-p use_sim_time:=true')
+    module_launch('path_follower', '-p use_sim_time:=true')
+    module_launch('track_node', '-p use_sim_time:=true -p lockstep:=true')
 
     def done(node, namespace='/'):
         return {

@@ -67,7 +67,7 @@ def test_the_metadata_name_what_the_library_needs_and_the_extras(installed):
     assert (installed / 'manta_sim_ros' / 'py.typed').is_file()
     assert {path.name for path in (installed / 'bin').iterdir()} >= {
         'sim_node', 'gait_node', 'monitor_node', 'paper_figures', 'identify', 'linearize', 'path_follower',
-        'path_gains', 'report', 'simulate', 'sweep', 'teleop'}
+        'path_gains', 'report', 'simulate', 'sweep', 'teleop', 'track_node'}
 
 
 def test_the_library_works_without_ros_and_without_setuptools(installed, tmp_path):
@@ -89,6 +89,7 @@ print(manta_sim_ros.__file__, simulator.advance(2.0).position[0])
     ('gait_node', OF_ROS, ['gait_node needs ROS 2']),
     ('monitor_node', OF_ROS, ['monitor_node needs ROS 2']),
     ('teleop', OF_ROS, ['teleop needs ROS 2']),
+    ('track_node', ['matplotlib'], ['no module matplotlib', "pip install 'manta_sim_ros[figures]'"]),
     ('simulate', OF_ROS, ["pip install 'manta_sim_ros[studies]'", 'source its setup file']),
     ('report', ['plotly'], ['no module plotly', "pip install 'manta_sim_ros[studies]'"]),
     ('simulate', ['rosbags'], ['no module rosbags', "pip install 'manta_sim_ros[studies]'"]),
