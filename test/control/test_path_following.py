@@ -8,7 +8,7 @@ import pytest
 
 from evidence.path_following import CASES, CONFIG, FOR_PAPER, LARGEST_HEIGHT_ERROR, PATHS, ROBOTS
 from manta_sim_ros.control.averaging import PeriodAverage
-from manta_sim_ros.control.closed_loop import CONTROL_PERIOD
+from manta_sim_ros.control.closed_loop import CONTROL_PERIOD, fly
 from manta_sim_ros.control.design import design, main
 from manta_sim_ros.control.follower import Loop, PathFollower
 from manta_sim_ros.control.mission import path_of
@@ -31,6 +31,16 @@ def test_the_robot_stays_near_the_path_within_its_limits(case):
     assert angles[:, :, 0].max() <= settings.largest_amplitude
     assert np.abs(angles[:, :, 1] - settings.phase).max() <= settings.largest_steering + 1e-9
     assert np.abs(angles[:, :, 2:]).max() <= settings.largest_bias
+
+
+def test_a_robot_that_keeps_station_stays_within_its_radius_in_a_current():
+    parameters, settings = ROBOTS['freshwater']
+    center, radius = (0.0, 2.0, 0.0), 3.0
+    path = path_of({'station_keeping': {'center': center, 'radius': radius, 'turns': 1}})
+    flight = fly(parameters.replace(water={'current': (0.1, 0.0, 0.0)}), path, settings, 150.0)
+    assert flight.finished
+    assert np.linalg.norm(flight.position[:, :2] - center[:2], axis=1).max() < radius
+    assert np.abs(flight.height).max() < LARGEST_HEIGHT_ERROR
 
 
 def test_the_default_gains_are_those_of_the_linear_model_in_fresh_water():
