@@ -61,6 +61,10 @@ class CurrentObserver:
         self.current += min(elapsed / CURRENT_TIME, 1.0) * error
         self._bias += min(elapsed / BIAS_TIME, 1.0) * error_u
 
+    def stop(self) -> None:
+        """Take the robot for one that has come to rest in the water."""
+        self._modeled = 0.0
+
     def along(self, heading: float) -> tuple[float, float]:
         """Return the current along a heading [rad] and to its left [m/s]."""
         cos, sin = math.cos(heading), math.sin(heading)

@@ -123,11 +123,11 @@ class PathFollower:
         where = self.path.project(
             self._position_now(motion), self._station, self._station + SEARCHED * self.settings.lookahead)
         self._station = where.station
-        if self.finished:
-            return self.glide()
         u, v, w, p, q, r = motion.twist.tolist()
         roll, pitch, heading = motion.attitude.tolist()
         self._water.update(elapsed, self._amplitude.control, heading, u, v, r)
+        if self.finished:
+            return self._rest()
         forward, left = self._water.along(heading)
         if self._average.whole:  # before that, the means have the stroke in them
             self._turn.update(elapsed, self._steering.control, r)
@@ -154,6 +154,10 @@ class PathFollower:
         """Return the gaits with which the robot glides to rest, and forget how it moved."""
         self._time = math.nan
         self._average.clear()
+        self._water.stop()
+        return self._rest()
+
+    def _rest(self) -> tuple[FinCommand, FinCommand]:
         self._turn.reset()
         for loop in (self._steering, self._bias, self._amplitude):
             loop.control = 0.0

@@ -139,6 +139,22 @@ def test_another_path_is_followed_without_a_break_of_the_stroke():
     assert not follower.finished
 
 
+def test_a_rest_between_two_paths_is_not_taken_for_a_current():
+    follower = PathFollower(Polyline([[0.0, 0.0, 0.0], [6.0, 0.0, 0.0]]))
+    position = speed = 0.0
+    for step in range(700):  # swims for 30 s, then glides to rest, and has another path at the end
+        speed += 0.1 / 2.8 * ((0.22 if position < 6.0 else 0.0) - speed)
+        position += 0.1 * speed
+        if step == 680:
+            assert follower.finished
+            follower.follow(Polyline([[6.0, 0.0, 0.0], [9.0, 0.0, 0.0]]))
+        twist = np.array([speed, 0.0, 0.0, 0.0, 0.0, 0.0])
+        follower.observe(0.1 * step, np.array([position, 0.0, 0.0]), np.array([0.0, 0.0, 0.0, 1.0]), twist)
+        left, _ = follower.command(0.1 * step)
+    assert left.amplitude > 0.2 and not follower.finished
+    assert np.linalg.norm(follower.current) < 0.075
+
+
 def test_a_path_is_rounded_at_its_corners_and_has_two_sides():
     path = Polyline([[0.0, 0.0, 0.0], [2.0, 0.0, 0.2], [2.0, 2.0, 0.2]])
     assert path.length == 4.0
