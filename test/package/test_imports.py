@@ -82,7 +82,7 @@ def test_every_import_of_the_library_is_of_itself_or_allowed(path):
 @pytest.mark.parametrize('path', sources('manta_sim_ros'))
 def test_the_package_imports_as_its_folders_say(path):
     rooms = {'nodes': [*SHARED, 'manta_sim_ros.control', 'manta_sim_ros.nodes'],
-             'control': [*SHARED, 'manta_sim_ros.control', 'manta_sim_ros.studies'],
+             'control': [*SHARED, 'manta_sim_ros.control', 'manta_sim_ros.studies', 'manta_sim_ros.figures'],
              'figures': [*SHARED, 'manta_sim_ros.figures'],
              'dynamics': ['manta_sim_ros.dynamics'], 'studies': ['manta_sim_ros']}
     room = path.relative_to(PACKAGE).parts[0]
