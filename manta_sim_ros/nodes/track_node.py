@@ -76,6 +76,7 @@ class TrackNode(ParameterNode):
     def _take_path(self, message: Path) -> None:
         if message.poses:
             self._track, self._best, self._progressed = Track(Polyline(positions_of(message))), 0.0, math.nan
+            self.get_logger().info(f'recording along a path of {self._track.path.length:.2f} m')
         elif self._track is not None:
             self._end('')
 

@@ -56,13 +56,12 @@ def ended(node, probe, doing):
 def test_at_the_end_of_the_path_it_prints_the_errors_and_draws_the_figure(launch, probe, robot, tmp_path):
     picture = tmp_path / 'swim.png'
     node = launch('track_node', f'-p output:={picture}')
-    received = probe.node.get_subscriptions_info_by_topic
-    probe.until(lambda: received('/odom') and received('/followed_path'), 'the node')
-    moves = iter([(0.0, 0.25), (2.0, -0.5, 0.125), *[(4.0, 0.0)] * 1000])
+    probe.until(lambda: 'recording along a path of 4.00 m' in node.output, 'the path')
+    moves = iter([*[(2.0, -0.5, 0.125)] * 40, *[(4.0, 0.0)] * 5000])  # the first ones may be lost
 
     def doing():
         robot.move(*next(moves))
-        if robot._time > 10:
+        if robot._time > 50:
             robot.follow()  # an empty path: none is followed any more
 
     assert ended(node, probe, doing) == 0
