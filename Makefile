@@ -13,11 +13,11 @@ VENV := $(if $(filter-out kilted,$(ROS)),.venv-$(ROS),.venv)
 TOOLS := @scripts/setup.sh --dev
 PYTEST_ARGS ?=
 
-.PHONY: help sim swim study linearize sweep identify test colcon-test lint docs tables bench steering path verify paper \
-  validate soak setup clean
+.PHONY: help sim swim study linearize sweep identify test colcon-test lint docs tables bench steering control-report verify \
+  paper validate soak setup clean
 
 help:  ## list the targets
-	@sed -n 's/^\([a-z-]*\):.*## /\1\t/p' $(firstword $(MAKEFILE_LIST)) | expand -t 13
+	@sed -n 's/^\([a-z-]*\):.*## /\1\t/p' $(firstword $(MAKEFILE_LIST)) | expand -t 16
 	@sed -n 's/^#   //p' $(firstword $(MAKEFILE_LIST))
 
 sim:  ## watch the robot swim straight ahead and then turn
@@ -62,8 +62,8 @@ tables:  ## write the tables of docs/ that come from the code
 bench:  ## compare the speed with Pinocchio, MuJoCo and NumPy: writes docs/benchmark.md
 	@env -u ROS_DOMAIN_ID scripts/setup.sh --dev -- python -m evidence.benchmark
 
-path:  ## measure how well the path follower stays near paths: prints the table of docs/control.md
-	$(TOOLS) -- python -m evidence.path_following
+control-report:  ## measure how well the path follower follows paths: writes docs/control_report.md, about four minutes
+	$(TOOLS) -- python -m evidence.control_report
 
 steering:  ## measure what each input of the fins does: writes docs/controller.md
 	$(TOOLS) -- python -m evidence.steering

@@ -6,7 +6,9 @@ import math
 import numpy as np
 import pytest
 
-from evidence.path_following import CASES, CONFIG, FOR_PAPER, LARGEST_HEIGHT_ERROR, PATHS, ROBOTS
+from evidence.control_report.courses import COURSES
+from evidence.control_report.robots import CONFIG, FOR_PAPER, ROBOTS
+from evidence.control_report.swims import Row, swim, verdict
 from manta_sim_ros.control.averaging import PeriodAverage
 from manta_sim_ros.control.closed_loop import CONTROL_PERIOD, fly
 from manta_sim_ros.control.design import design, main
@@ -17,14 +19,15 @@ from manta_sim_ros.control.settings import FollowerSettings
 from manta_sim_ros.dynamics import read_sections, values_for
 
 
-@pytest.mark.parametrize('case', CASES, ids=lambda case: f'{case.path}, {case.robot}, {case.current}')
-def test_the_robot_stays_near_the_path_within_its_limits(case):
-    flight = case.fly()
-    _, settings = ROBOTS[case.robot]
+@pytest.mark.parametrize(('robot', 'course', 'condition'), [
+    ('freshwater', 'lawnmower', 'calm'), ('freshwater', 'straight', 'current'), ('freshwater', 'waypoints', 'calm'),
+    ('manta', 'helix', 'calm')])
+def test_the_robot_stays_near_the_path_within_its_limits(robot, course, condition):
+    row = Row(robot, course, condition, 'path_follower')
+    one, settings = swim(row, 0, lambda: None), ROBOTS[robot].settings
+    flight, found = one.flight, verdict(row, one.result)
     assert flight.finished
-    cross_track, height = case.errors(flight)
-    assert cross_track < case.bound
-    assert height < LARGEST_HEIGHT_ERROR
+    assert found.met and found.height_met
     angles = flight.commands[:, :, [0, 2, 3, 4]]
     assert not angles[0, :, 0].any()
     assert np.abs(np.diff(angles[:-1], axis=0)).max() < settings.rate_limit * CONTROL_PERIOD + 1e-9
@@ -44,7 +47,7 @@ def test_a_robot_that_keeps_station_stays_within_its_radius_in_a_current():
 
 
 def test_the_default_gains_are_those_of_the_linear_model_in_fresh_water():
-    parameters, settings = ROBOTS['freshwater']
+    parameters, settings, _ = ROBOTS['freshwater']
     computed = design(parameters, settings)
     for name in ('speed', 'speed_model', 'turn_response', 'sideslip', 'steering_gains', 'depth_gains', 'speed_gains'):
         np.testing.assert_allclose(getattr(settings, name), getattr(computed, name), rtol=0.02, atol=1e-3)
@@ -194,4 +197,4 @@ def test_a_path_that_cannot_be_followed_is_refused(waypoints, words):
 def test_limits_beyond_the_mechanism_are_refused():
     settings = dataclasses.replace(FollowerSettings(), largest_amplitude=1.0, largest_bias=0.5, largest_steering=1.0)
     with pytest.raises(ValueError, match='at the limits of the path follower: left amplitude .* closes only below'):
-        PathFollower(Polyline(PATHS['straight']), settings)
+        PathFollower(COURSES['straight'].path, settings)
