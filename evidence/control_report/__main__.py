@@ -29,6 +29,7 @@ from manta_sim_ros.figures.style import save_png
 
 DOCS = Path(__file__).parents[2] / 'docs'
 PROCESSES = 2
+"""Number of processes in which the robots swim."""
 
 
 def main(args: Sequence[str] | None = None) -> int:
@@ -39,12 +40,11 @@ def main(args: Sequence[str] | None = None) -> int:
         'robots': ROBOTS, 'paths': {**COURSES, STEP: None}, 'conditions': CONDITIONS, 'controllers': CONTROLLERS}
     for name, known in choices.items():
         parser.add_argument(f'--{name}', nargs='+', choices=list(known), default=list(known))
-    parser.add_argument('--processes', type=int, default=PROCESSES)
     options = parser.parse_args(args)
     rows = [Row(*names) for names in itertools.product(*(getattr(options, name) for name in choices))]
     for name in options.robots:
         compile_kernels(ROBOTS[name].parameters, print)
-    swims, steps = measured(rows, options.processes)
+    swims, steps = measured(rows, PROCESSES)
     results = {row: of_draws([one.result for one in draws]) for row, draws in swims.items()}
     settlings = {row: largest([one.result for one in draws]) for row, draws in steps.items()}
     for name in options.robots:

@@ -49,9 +49,11 @@ class Tracks:
             for axes, bounds in ((aside, {one.bound for one in verdicts}), (height, {verdicts[0].height_bound})):
                 for line_at in (sign * bound for bound in bounds for sign in (-1.0, 1.0)):
                     axes.axhline(line_at, color='0.0', linestyle=':', linewidth=0.8)
+            if course.kept:  # a distance
+                aside.set_ylim(bottom=0.0)
             above.set(ylabel=f'{name}\ny [m]')
             above.axis('equal')
-            aside.set(ylabel='distance from the point [m]' if course.kept else 'cross-track error [m]')
+            aside.set(ylabel='distance [m]' if course.kept else 'cross-track error [m]')
             height.set(ylabel='height error [m]')
         for axes, label in zip(panels[-1], ('x [m]', 'along the path [m]', 'along the path [m]'), strict=True):
             axes.set_xlabel(label)

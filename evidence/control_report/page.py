@@ -21,18 +21,22 @@ from evidence.control_report.courses import (
     START,
 )
 from evidence.control_report.robots import CONTROLLERS, ROBOTS
-from evidence.control_report.steps import CRUISE, SETTLED, STEP, Settling
+from evidence.control_report.steps import CRUISE, SETTLED, WIDTH, Settling
 from evidence.control_report.swims import Result, Row, verdict
 from evidence.report import picture, prose, read_table, table
 
 HEAD = """# Path following, measured
 
-How near a robot stays to a path with each controller: in the closed loop, without middleware, many times faster than
-real time. `make control-report` measured all numbers on this page and wrote it. [Path following](control.md) explains
-the controller.
+This page says how near the robot stays to paths with the [path follower](control.md), how well it settles, and what
+that costs. The controller and the simulator run in one process, without middleware, faster than real time. `make
+control-report` measured all numbers on this page and wrote it.
 """
 TITLES = {'freshwater': 'In fresh water, `config/freshwater.yaml`',
           'manta': 'With the parameters of the paper, `config/manta.yaml`'}
+TRACKS = (
+    'From left to right: the paths (black) and the tracks from above, the errors, and the height errors, with their '
+    'bounds (dotted), under each condition.')
+SETTLING = 'The cross-track error after the step, under each condition; gray: settled.'
 MET = {True: 'yes', False: '**no**'}
 KEY = ('path', 'condition', 'controller')
 
@@ -83,14 +87,14 @@ The conditions are:
 There are {CONDITIONS['noise'].draws} swims with noise and {CONDITIONS['wrong parameters'].draws} with wrong parameters,
 with different seeds. The tables have the largest error of these swims, and the mean of the other columns.
 
-The step: while the robot cruises, after {CRUISE:g} m, the path is moved by {STEP:g} m to the left. The robot has
+The step: while the robot cruises, after {CRUISE:g} m, the path is moved by {WIDTH:g} m to the left. The robot has
 settled where the cross-track error remains within {SETTLED:g} m.""")
 
 
 def summary(results: Mapping[Row, Result]) -> str:
     """Return how many bounds are met, and each one that is not."""
     verdicts = {(row, kind): met for row, result in results.items() for kind, met in (
-        ('cross-track error', verdict(row, result).met), ('height error', verdict(row, result).height_met))}
+        ('error', verdict(row, result).met), ('height error', verdict(row, result).height_met))}
     lines = [prose(f'{sum(verdicts.values())} of {len(verdicts)} bounds are met.')]
     missed = [f'- `config/{row.robot}.yaml`, {row.course}, {row.condition}, {row.controller}: {kind}'
               for (row, kind), met in verdicts.items() if not met]
@@ -101,14 +105,12 @@ def summary(results: Mapping[Row, Result]) -> str:
 
 def section(name: str, results: Mapping[Row, Result], settlings: Mapping[Row, Settling]) -> list[str]:
     """Return what was measured with a robot."""
+    of_robot = {row: result for row, result in results.items() if row.robot == name}
     return [
-        f'## {TITLES[name]}',
-        '### Errors', error_table({row: result for row, result in results.items() if row.robot == name}),
-        picture(f'control_report/tracks_{name}.png',
-                'The paths from above and their heights, black, and the tracks under each condition'),
-        '### Effort and cost', cost_table({row: result for row, result in results.items() if row.robot == name}),
+        f'## {TITLES[name]}', '### Errors', error_table(of_robot), picture(f'control_report/tracks_{name}.png', TRACKS),
+        '### Effort and cost', cost_table(of_robot),
         '### A step to the side', step_table({row: one for row, one in settlings.items() if row.robot == name}),
-        picture(f'control_report/step_{name}.png', 'The cross-track error after the step, under each condition'),
+        picture(f'control_report/step_{name}.png', SETTLING),
     ]
 
 
@@ -149,8 +151,8 @@ def verdicts(page: str) -> dict[tuple[str, ...], bool]:
         head, *rows = read_table(part) if heading else [[]]
         columns = [column for column, title in enumerate(head) if title == 'met']
         for row in rows:
-            for kind, column in zip(('cross-track error', 'height error'), columns, strict=True):
-                found[name, *row[:len(KEY)], kind] = row[column] == MET[True]
+            for kind, column in zip(('error', 'height error'), columns, strict=True):
+                found[(name, *row[:len(KEY)], kind)] = row[column] == MET[True]
     return found
 
 

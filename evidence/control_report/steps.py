@@ -15,7 +15,7 @@ from manta_sim_ros.control.polyline import Polyline
 from manta_sim_ros.dynamics import FinCommand, FloatArray
 from manta_sim_ros.figures.jobs import Done
 
-CRUISE, STEP, REST = 6.0, 0.5, 10.0
+CRUISE, WIDTH, REST = 6.0, 0.5, 10.0
 """The step: length that is followed before it, its width to the left, and length after it [m]."""
 
 SETTLED = 0.1
@@ -45,12 +45,12 @@ def step(row: Row, seed: int, done: Done) -> Step:
     """Let a robot cruise along x, then move the path to the left; call `done` at the end."""
     robot, condition = ROBOTS[row.robot], CONDITIONS[row.condition]
     before = Polyline([[0.0, 0.0, 0.0], [CRUISE + REST, 0.0, 0.0]])
-    after = Polyline([[CRUISE, STEP, 0.0], [CRUISE + REST, STEP, 0.0]])
+    after = Polyline([[CRUISE, WIDTH, 0.0], [CRUISE + REST, WIDTH, 0.0]])
     stepping = _Stepping(CONTROLLERS[row.controller](robot, before), after)
     flight = fly(condition.parameters(robot, seed), stepping, before, LONGEST, condition.noise(seed))
     time, position = flight.time, flight.position
     first = int(np.argmax(time >= stepping.time))
-    moved = position[first:] - [position[first, 0], STEP, 0.0]
+    moved = position[first:] - [position[first, 0], WIDTH, 0.0]
     done()
     return Step(settling(time[first:] - time[first], moved), moved)
 

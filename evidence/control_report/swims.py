@@ -92,7 +92,7 @@ def of_draws(results: Sequence[Result]) -> Result:
     values = np.array([result[:-1] for result in results])
     errors = len(Result._fields[:Result._fields.index('effort')])
     combined = [*values[:, :errors].max(axis=0).tolist(), *values[:, errors:].mean(axis=0).tolist()]
-    return Result(*combined, finished=all(result.finished for result in results))
+    return Result(*combined, all(result.finished for result in results))
 
 
 class Verdict(NamedTuple):

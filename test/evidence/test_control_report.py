@@ -108,10 +108,10 @@ def test_a_bound_that_is_no_longer_met_makes_the_command_fail(monkeypatch, tmp_p
     (tmp_path / 'control_report.md').write_text(PAGE)
     monkeypatch.setattr(command, 'DOCS', tmp_path)
     monkeypatch.setattr(courses, 'ON_LEGS', -0.01)
-    only = ['--robots', 'freshwater', '--paths', 'straight', '--conditions', 'calm', '--processes', '1']
+    only = ['--robots', 'freshwater', '--paths', 'straight', '--conditions', 'calm']
     assert command.main(only) == 1
     printed = capsys.readouterr().out
-    assert 'was met before: freshwater, straight, calm, path_follower, cross-track error\n' in printed
+    assert 'was met before: freshwater, straight, calm, path_follower, error\n' in printed
     assert '1 of 2 bounds are met.' in printed
     monkeypatch.undo()
     monkeypatch.setattr(command, 'DOCS', tmp_path)
@@ -130,7 +130,7 @@ def test_only_what_was_met_can_be_lost():
     def with_error(error):
         return page.text({row: RESULT._replace(most=error)}, {})
 
-    assert page.broken(with_error(0.6), with_error(0.61)) == ['manta, helix, current, path_follower, cross-track error']
+    assert page.broken(with_error(0.6), with_error(0.61)) == ['manta, helix, current, path_follower, error']
     assert not page.broken(with_error(0.61), with_error(0.6))
     assert not page.broken(with_error(0.61), with_error(0.7))
     assert not page.broken(with_error(0.6), page.text({}, {})) and not page.broken('', with_error(0.7))
