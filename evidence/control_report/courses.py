@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-import math
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+import yaml
 from numpy.typing import NDArray
 
+from evidence.control_report.robots import CONFIG
+from manta_sim_ros.control.mission import StationKeeping, read_mission
 from manta_sim_ros.control.polyline import Polyline
 from manta_sim_ros.dynamics import FloatArray
 
@@ -17,11 +20,7 @@ START, AFTER_CORNER, BEFORE_CORNER = 2.0, 2.0, 1.0
 ON_LEGS, ON_LEGS_IN_CURRENT, ON_CURVES, OF_HEIGHT = 0.15, 0.35, 0.30, 0.10
 """Bounds of the 95th percentiles of the cross-track error and of the height error [m]."""
 
-RADIUS, CLIMB = 2.0, 1.2
-"""Radius of circle and helix, and height of a turn of the helix [m]."""
-
-KEPT, INNER = 3.0, 1.8
-"""Distance within which a robot that keeps station stays, and radius of the circle on which it swims [m]."""
+MISSIONS = CONFIG / 'missions'
 
 
 class Kept(NamedTuple):
@@ -65,22 +64,17 @@ class Course(NamedTuple):
         return widening * (ON_CURVES if self.curved else ON_LEGS_IN_CURRENT if in_current else ON_LEGS)
 
 
-def _around(radius: float, turns: float, climb: float) -> Polyline:
-    angles = np.linspace(0.0, 2.0 * math.pi * turns, round(72 * turns) + 1)
-    return Polyline(np.column_stack(
-        [radius * np.sin(angles), RADIUS - radius * np.cos(angles), climb * angles / (2.0 * math.pi)]))
+def _kept(mission: Path) -> Kept:
+    values = StationKeeping(**yaml.safe_load(mission.read_text(encoding='utf-8'))[mission.stem])
+    return Kept(values.center[:2], values.radius)
 
 
-COURSES = {
-    'straight': Course(Polyline([[0.0, 0.0, 0.0], [12.0, 0.0, 0.0]]), curved=False),
-    'lawnmower': Course(Polyline([
-        [0.0, 0.0, 0.0], [7.0, 0.0, 0.0], [7.0, 2.0, 0.0], [0.0, 2.0, 0.0], [0.0, 4.0, 0.0], [7.0, 4.0, 0.0],
-    ]), curved=False),
-    'circle': Course(_around(RADIUS, 2.0, 0.0), curved=True),
-    'helix': Course(_around(RADIUS, 2.0, CLIMB), curved=True),
-    'waypoints': Course(Polyline([
-        [0.0, 0.0, 0.0], [6.0, 0.0, 0.0], [10.0, 4.0, -0.5], [16.0, 4.0, -0.5], [20.0, 0.0, 0.0],
-    ]), curved=False),
-    'station keeping': Course(_around(INNER, 3.0, 0.0), curved=True, kept=Kept((0.0, RADIUS), KEPT)),
-}
-"""By name."""
+def _course(name: str, curved: bool) -> Course:
+    mission = MISSIONS / f'{name}.yaml'
+    return Course(read_mission(mission), curved, _kept(mission) if name == 'station_keeping' else None)
+
+
+COURSES = {name: _course(name, curved) for name, curved in {
+    'straight': False, 'lawnmower': False, 'circle': True, 'helix': True, 'waypoints': False, 'station_keeping': True,
+}.items()}
+"""The missions of config/missions/, by name."""

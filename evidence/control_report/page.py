@@ -9,15 +9,10 @@ from evidence.control_report.conditions import CONDITIONS, CURRENT, NOISE, UNCER
 from evidence.control_report.courses import (
     AFTER_CORNER,
     BEFORE_CORNER,
-    CLIMB,
-    COURSES,
-    INNER,
-    KEPT,
     OF_HEIGHT,
     ON_CURVES,
     ON_LEGS,
     ON_LEGS_IN_CURRENT,
-    RADIUS,
     START,
 )
 from evidence.control_report.robots import CONTROLLERS, ROBOTS
@@ -56,11 +51,8 @@ def method() -> str:
     names = ', '.join(f'`{group}.{name}`' for group, values in UNCERTAIN.items() for name in values)
     controllers = ', '.join(f'`{name}`' for name in CONTROLLERS)
     return '## What is measured\n\n' + prose(f"""
-The robot starts at rest at the origin, along x, where each path begins. The straight path is
-{COURSES['straight'].path.length:g} m long. The lawnmower has legs of 7 m that are 2 m apart. Circle and helix have two
-turns with a radius of {RADIUS:g} m, and each turn of the helix climbs by {CLIMB:g} m. The waypoints have corners of 45°
-to both sides, and descend and climb by 0.5 m. To keep station, the robot circles with a radius of {INNER:g} m, as
-it cannot hover. Controllers: {controllers}.
+The paths are those of the [missions](control.md#missions) in `config/missions/`. The robot starts at rest at the
+origin, along x. Controllers: {controllers}.
 
 The cross-track error is the horizontal distance of the center of mass to the nearest point of the path, and the height
 error is the vertical one; both contain the motion within a flapping period. They count after {START:g} m, and not from
@@ -68,7 +60,7 @@ error is the vertical one; both contain the motion within a flapping period. The
 percentiles: on straight legs {ON_LEGS:g} m, and {ON_LEGS_IN_CURRENT:g} m in a current; on circle and helix
 {ON_CURVES:g} m; of the height {OF_HEIGHT:g} m. With {widened} they are {factor:g} times as large. In station keeping,
 the distance from the point in the center takes the place of the cross-track error, and the bound of the largest
-distance is {KEPT:g} m with both. A swim that does not reach the end of its path meets no bound.
+distance is that of the mission with both. A swim that does not reach the end of its path meets no bound.
 
 The effort is the mean absolute rate of the amplitudes, phases and biases that are commanded. The power is that of the
 motors into the fins. The cost of transport is this power divided by the weight in air and by the mean speed along the

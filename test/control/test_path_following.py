@@ -6,7 +6,7 @@ import math
 import numpy as np
 import pytest
 
-from evidence.control_report.courses import COURSES
+from evidence.control_report.courses import COURSES, OF_HEIGHT
 from evidence.control_report.robots import CONFIG, FOR_PAPER, ROBOTS
 from evidence.control_report.swims import Row, swim, verdict
 from manta_sim_ros.control.averaging import PeriodAverage
@@ -20,7 +20,7 @@ from manta_sim_ros.dynamics import read_sections, values_for
 
 
 @pytest.mark.parametrize(('robot', 'course', 'condition'), [
-    ('freshwater', 'lawnmower', 'calm'), ('freshwater', 'straight', 'current'), ('freshwater', 'waypoints', 'calm'),
+    ('freshwater', 'helix', 'current'), ('freshwater', 'lawnmower', 'current'), ('freshwater', 'waypoints', 'calm'),
     ('manta', 'helix', 'calm')])
 def test_the_robot_stays_near_the_path_within_its_limits(robot, course, condition):
     row = Row(robot, course, condition, 'path_follower')
@@ -37,13 +37,14 @@ def test_the_robot_stays_near_the_path_within_its_limits(robot, course, conditio
 
 
 def test_a_robot_that_keeps_station_stays_within_its_radius_in_a_current():
-    parameters, settings = ROBOTS['freshwater']
+    parameters, settings, _ = ROBOTS['freshwater']
     center, radius = (0.0, 2.0, 0.0), 3.0
     path = path_of({'station_keeping': {'center': center, 'radius': radius, 'turns': 1}})
-    flight = fly(parameters.replace(water={'current': (0.1, 0.0, 0.0)}), path, settings, 150.0)
+    swimming = parameters.replace(water={'current': (0.1, 0.0, 0.0)})
+    flight = fly(swimming, PathFollower(path, settings, parameters), path, 150.0)
     assert flight.finished
     assert np.linalg.norm(flight.position[:, :2] - center[:2], axis=1).max() < radius
-    assert np.abs(flight.height).max() < LARGEST_HEIGHT_ERROR
+    assert np.abs(flight.height).max() < OF_HEIGHT
 
 
 def test_the_default_gains_are_those_of_the_linear_model_in_fresh_water():
