@@ -13,7 +13,7 @@ VENV := $(if $(filter-out kilted,$(ROS)),.venv-$(ROS),.venv)
 TOOLS := @scripts/setup.sh --dev
 PYTEST_ARGS ?=
 
-.PHONY: help sim swim study linearize sweep identify test colcon-test lint docs tables bench steering control-report verify \
+.PHONY: help sim swim study linearize sweep identify test colcon-test lint docs tables bench steering control-report train verify \
   paper validate soak setup clean
 
 help:  ## list the targets
@@ -43,6 +43,10 @@ sweep:  ## simulate the study config/studies/amplitude_and_phase.yaml: writes bu
 identify:  ## fit two hidden parameters to noisy swims, the example of docs/identify.md: writes build/identify/
 	@rm -rf build/identify && mkdir -p build/identify
 	@scripts/setup.sh -- docs/identify/example.sh build/identify
+
+train:  ## train a policy that swims to targets, the example of docs/learning.md: writes build/policy.json
+	@mkdir -p build
+	@scripts/setup.sh --test -- train_policy --output build/policy.json
 
 test:  ## run all tests on the built package, in two processes
 	@env -u ROS_DOMAIN_ID scripts/setup.sh --dev -- scripts/test.sh $(PYTEST_ARGS)

@@ -35,10 +35,11 @@ setup(
         'cluster': ['distributed'],
         'control': ['textual'],
         'figures': ['matplotlib', 'pillow', 'tqdm'],
+        'learn': ['cma', 'gymnasium'],
         'studies': ['matplotlib', 'plotly', 'pyarrow', 'rosbags', 'tqdm'],
         'test': [
-            'hypothesis', 'matplotlib', 'pillow', 'plotly', 'pyarrow', 'pytest', 'pytest-xdist', 'rosbags', 'textual',
-            'tqdm'],
+            'cma', 'gymnasium', 'hypothesis', 'matplotlib', 'pillow', 'plotly', 'pyarrow', 'pytest', 'pytest-xdist',
+            'rosbags', 'textual', 'tqdm'],
     },
     zip_safe=False,  # Numba keeps compiled kernels beside the modules.
     entry_points={
@@ -56,6 +57,7 @@ setup(
             'sweep = manta_sim_ros.executables:sweep',
             'teleop = manta_sim_ros.executables:teleop',
             'track_node = manta_sim_ros.executables:track_node',
+            'train_policy = manta_sim_ros.executables:train_policy',
         ],
     },
 )

@@ -82,6 +82,36 @@ def missions() -> str:
         for kind, mission in MISSIONS.items() for name, about in mission.quantities().items()))
 
 
+def learning_options() -> str:
+    """Return the options of the environment Swim."""
+    from manta_sim_ros.learning import SwimSettings  # needs Gymnasium, unlike the other tables
+
+    settings = SwimSettings()
+    return table(('option', 'default', 'unit', 'bounds', 'meaning'), (
+        (f'`{name}`', f'`{_shown(getattr(settings, name))}`', about.unit, _bounds(about), about.description)
+        for name, about in SwimSettings.quantities().items()))
+
+
+def learning_action(kind: str) -> str:
+    """Return what the numbers of an action mean."""
+    from manta_sim_ros.learning import action_numbers
+
+    return _numbers('at -1', 'at 1', action_numbers(kind))
+
+
+def learning_observation() -> str:
+    """Return what the numbers of an observation mean."""
+    from manta_sim_ros.learning import OBSERVATION
+
+    return _numbers('lower bound', 'upper bound', OBSERVATION)
+
+
+def _numbers(low: str, high: str, numbers: Sequence[Any]) -> str:
+    return table(('index', 'number', 'unit', low, high, 'meaning'), (
+        (str(index), f'`{number.name}`', number.unit, f'{number.low:.4g}', f'{number.high:.4g}', number.meaning)
+        for index, number in enumerate(numbers)))
+
+
 def _rounded(value: Any) -> Any:
     return float(f'{value:.4g}') if isinstance(value, float) else value
 
@@ -182,6 +212,10 @@ TABLES: dict[str, Callable[[], str]] = {
     'teleop keys': teleop_keys,
     'teleop screen': teleop_screen,
     'missions': missions,
+    'learning options': learning_options,
+    'action gait': lambda: learning_action('gait'),
+    'action rods': lambda: learning_action('rods'),
+    'observation': learning_observation,
     'equations': equations,
 }
 

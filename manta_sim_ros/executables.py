@@ -15,6 +15,7 @@ from manta_sim_ros.signals import on_ending
 
 NEEDS_ROS = 'ROS 2, which is not installed or not sourced: source its setup file first'
 NEEDS_STUDIES = "the extra 'studies': pip install 'manta_sim_ros[studies]'"
+NEEDS_LEARN = "the extra 'learn': pip install 'manta_sim_ros[learn]'"
 NEEDS_FIGURES = "the extra 'figures': pip install 'manta_sim_ros[figures]'"
 
 
@@ -90,6 +91,12 @@ def identify() -> None:
     """Fit parameters of the model to measured runs."""
     os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
     _run('studies.identify', NEEDS_STUDIES, packages=('matplotlib', 'rosbags', 'tqdm'), interrupted=130)
+
+
+def train_policy() -> None:
+    """Train a policy for the environment of Gymnasium."""
+    os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
+    _run('learning.command', NEEDS_LEARN, packages=('cma',), interrupted=130)
 
 
 def _run(module: str, needs: str, packages: tuple[str, ...] = (), interrupted: int = 0) -> None:

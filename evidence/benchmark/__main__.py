@@ -9,6 +9,7 @@ from pathlib import Path
 
 from evidence.benchmark import page
 from evidence.benchmark.baselines import SIZES, batches, calls, compare, memory, paces, scaling, twist
+from evidence.benchmark.environments import environments
 from evidence.benchmark.node_timing import node_figures, pace_figures
 from manta_sim_ros.dynamics import Parameters
 
@@ -39,6 +40,7 @@ def main() -> None:
     }
     os.sched_setaffinity(0, all_cores)  # the node runs beside this process
     figures['batches'] = batches(options.quick)
+    figures['environments'] = environments(options.quick)
     figures['node'] = node_figures(starts=1, seconds=3.0) if options.quick else node_figures(starts=5, seconds=60.0)
     figures['robots'] = pace_figures(seconds=2.0 if options.quick else 20.0)
     text = page.text(figures)

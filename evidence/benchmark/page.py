@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from evidence.benchmark import environments
 from evidence.benchmark.baselines import CHAINS_OF_MANY, EVALUATIONS, PAPER_SPAN, PAPER_TIME, ROBOTS, TWISTED
 from evidence.report import prose, table
 from manta_sim_ros.dynamics import Parameters
@@ -89,6 +90,7 @@ same trees with its own drag."""),
             (name, f'{batches[name]:.0f}') for name in BATCHES)),
         table(('ratio', 'value', 'wanted, at least'), (
             (name, f'{batches[name]:.2f}', least) for name, least in BATCH_RATIOS.items())),
+        environments.section(figures['environments']),
         '## Size of the fins',
         *(block for quantity, cost in figures['cost'].items() for block in (
             prose(f'The time of a step grows with the number of {quantity} to the power of {cost["exponent"]:.2f}; '

@@ -66,7 +66,7 @@ def test_the_papers_figures_need_nothing_of_ros(tmp_path):
 
 @pytest.mark.parametrize('module', [
     'studies.identify', 'studies.linearize', 'studies.sweep', 'control.closed_loop', 'control.design',
-    'control.teleoperation'])
+    'control.teleoperation', 'learning.command'])
 def test_these_studies_and_control_need_nothing_of_ros(module, tmp_path):
     names = run_python(IMPORT.replace('manta_sim_ros.dynamics', f'manta_sim_ros.{module}'), tmp_path)
     assert not set(names.stdout.split()) & OF_ROS
@@ -83,6 +83,7 @@ def test_every_import_of_the_library_is_of_itself_or_allowed(path):
 def test_the_package_imports_as_its_folders_say(path):
     rooms = {'nodes': [*SHARED, 'manta_sim_ros.control', 'manta_sim_ros.nodes'],
              'control': [*SHARED, 'manta_sim_ros.control', 'manta_sim_ros.studies', 'manta_sim_ros.figures'],
+             'learning': [*SHARED, 'manta_sim_ros.learning', 'manta_sim_ros.studies'],
              'figures': [*SHARED, 'manta_sim_ros.figures'],
              'dynamics': ['manta_sim_ros.dynamics'], 'studies': ['manta_sim_ros']}
     room = path.relative_to(PACKAGE).parts[0]

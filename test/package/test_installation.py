@@ -60,14 +60,14 @@ def test_the_metadata_name_what_the_library_needs_and_the_extras(installed):
     assert metadata['Version'] == manta_sim_ros.__version__
     needed = {line for line in metadata.get_all('Requires-Dist') if 'extra' not in line}
     assert needed == {'numba', 'numpy', 'PyYAML', 'scipy'}  # setuptools is needed to build only
-    assert set(metadata.get_all('Provides-Extra')) == {'cluster', 'control', 'figures', 'studies', 'test'}
+    assert set(metadata.get_all('Provides-Extra')) == {'cluster', 'control', 'figures', 'learn', 'studies', 'test'}
     figures = {line.split(';')[0].strip() for line in metadata.get_all('Requires-Dist') if "'figures'" in
                line.replace('"', "'")}
     assert figures == {'matplotlib', 'pillow', 'tqdm'}
     assert (installed / 'manta_sim_ros' / 'py.typed').is_file()
     assert {path.name for path in (installed / 'bin').iterdir()} >= {
         'sim_node', 'gait_node', 'monitor_node', 'paper_figures', 'identify', 'linearize', 'path_follower',
-        'path_gains', 'report', 'simulate', 'sweep', 'teleop', 'track_node'}
+        'path_gains', 'report', 'simulate', 'sweep', 'teleop', 'track_node', 'train_policy'}
 
 
 def test_the_library_works_without_ros_and_without_setuptools(installed, tmp_path):
@@ -97,6 +97,8 @@ print(manta_sim_ros.__file__, simulator.advance(2.0).position[0])
     ('paper_figures', ['PIL'], ['no module PIL', "pip install 'manta_sim_ros[figures]'"]),
     ('paper_figures', ['tqdm'], ['no module tqdm', "pip install 'manta_sim_ros[figures]'"]),
     ('identify', ['rosbags'], ['no module rosbags', "pip install 'manta_sim_ros[studies]'"]),
+    ('train_policy', ['gymnasium'], ['no module gymnasium', "pip install 'manta_sim_ros[learn]'"]),
+    ('train_policy', ['cma'], ['no module cma', "pip install 'manta_sim_ros[learn]'"]),
     ('sweep', ['pyarrow'], ['no module pyarrow', "pip install 'manta_sim_ros[studies]'"]),
 ])
 def test_an_executable_that_lacks_a_package_says_so_in_one_line(installed, tmp_path, executable, lacking, words):
