@@ -2,6 +2,7 @@
 
 import json
 import re
+from contextlib import closing
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ pytest.importorskip('cma')
 command = pytest.importorskip('manta_sim_ros.learning.command')
 from manta_sim_ros.learning.policies import FEATURES, OUTPUTS, SHAPE, LinearPolicy, RandomPolicy, resting  # noqa: E402
 from manta_sim_ros.learning.training import evaluate, train  # noqa: E402
+from manta_sim_ros.learning.vector_environment import SwimVectorEnv  # noqa: E402
 
 AHEAD = {'largest_bearing': 0.2, 'largest_height': 0.1}
 """Options with which a target can be reached soon."""
@@ -43,12 +45,16 @@ def test_an_evaluation_counts_each_episode_once():
     def ahead(observations):
         return np.tile([1.0, 0.6, 0.8, 0.0], (len(observations), 2))
 
-    options = {'nearest_target': 0.3, 'farthest_target': 0.3, 'largest_bearing': 0.0, 'largest_height': 0.0,
+    options = {'nearest_target': 0.3, 'farthest_target': 1.2, 'largest_bearing': 0.0, 'largest_height': 0.0,
                'effort_weight': 0.0}
-    reached = evaluate(ahead, [1, 2], max_episode_steps=40, **options)
-    assert reached.successes.tolist() == [1.0, 1.0]
-    np.testing.assert_allclose(reached.returns, 0.1, atol=0.1)  # what is left when it ends: 0.3 m to at most 0.2 m
-    assert 0.1 <= reached.returns.min() and reached.standard_error == 0.0
+    seeds = [1, 2, 3, 4]
+    with closing(SwimVectorEnv(len(seeds), **options)) as environment:
+        starts = np.linalg.norm(environment.reset(seed=seeds)[1]['target'], axis=1)
+    assert np.ptp(starts) > 0.3  # the first one goes on to other targets while the last one is on its way
+    reached = evaluate(ahead, seeds, max_episode_steps=60, **options)
+    assert reached.successes.tolist() == [1.0] * len(seeds)
+    left = starts - reached.returns  # the distance when it ends
+    assert 0.0 <= left.min() and left.max() <= 0.2
     away = evaluate(ahead, [1, 2], max_episode_steps=5, **options | {'nearest_target': 3.0, 'farthest_target': 3.0})
     assert not away.successes.any()
 
