@@ -13,8 +13,8 @@ VENV := $(if $(filter-out kilted,$(ROS)),.venv-$(ROS),.venv)
 TOOLS := @scripts/setup.sh --dev
 PYTEST_ARGS ?=
 
-.PHONY: help sim swim study linearize sweep identify test colcon-test lint docs tables bench steering control-report train verify \
-  paper validate soak setup clean
+.PHONY: help sim swim study linearize sweep identify test colcon-test lint docs tables bench steering control-report \
+  train verify paper validate soak setup clean
 
 help:  ## list the targets
 	@sed -n 's/^\([a-z-]*\):.*## /\1\t/p' $(firstword $(MAKEFILE_LIST)) | expand -t 16
