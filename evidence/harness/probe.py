@@ -100,7 +100,10 @@ class Probe:
         return answer
 
     def first_answer(self, client, request):
-        """Call again and again until an answer comes: the middleware may lose the answer to a client that is new."""
+        """Call again and again until an answer comes: the middleware may lose the answer to a client that is new.
+
+        A slow node may be asked more than once, so the request must be one that may act more than once.
+        """
         self.until(client.service_is_ready, f'the service {client.srv_name}')
         asked = []
         self.until(
@@ -116,8 +119,12 @@ class Probe:
 
         nodes, subscribed = self.node.get_node_names_and_namespaces, self.node.get_subscriber_names_and_types_by_node
         self.until(lambda: (node, namespace) in nodes(), f'the node {node} in {namespace}')
-        self.until(lambda: any(name.endswith('/fin_command') for name in ask(subscribed)), f'the topics of {node}')
-        return ask(subscribed), ask(self.node.get_publisher_names_and_types_by_node)
+        published = self.node.get_publisher_names_and_types_by_node
+        # A simulator makes these last, and whoever discovers it hears of its publishers, and of its subscriptions, in
+        # the order in which they were made.
+        self.until(lambda: '/diagnostics' in ask(published) and any(
+            name.endswith('/initialpose') for name in ask(subscribed)), f'the topics of {node}')
+        return ask(subscribed), ask(published)
 
     def close(self):
         self._executor.shutdown()

@@ -60,17 +60,20 @@ def test_the_topics_are_those_of_the_running_node(ask, probe):
 
 
 def test_the_services_are_those_of_the_running_node(ask, probe):
-    ask(ListParameters, 'list_parameters')
-    found = probe.node.get_service_names_and_types_by_node('manta_sim', '/')
-    live = {name.replace('/manta_sim/', '~/'): types[0] for name, types in found
-            if types[0].partition('/')[0] in ('std_srvs', 'simulation_interfaces')}
+    def live():
+        found = probe.node.get_service_names_and_types_by_node('manta_sim', '/')
+        return {name.replace('/manta_sim/', '~/'): types[0] for name, types in found
+                if types[0].partition('/')[0] in ('std_srvs', 'simulation_interfaces')}
+
+    probe.until(lambda: ('manta_sim', '/') in probe.node.get_node_names_and_namespaces(), 'the node')
     listed = {name: service.type for name, service in SERVICES.items()}
     if importlib.util.find_spec('simulation_interfaces') is None:
         optional = {name for name, kind in listed.items() if kind.startswith('simulation_interfaces/')}
         assert len(optional) == 9 and all('where simulation_interfaces is installed' in SERVICES[name].meaning
                                           for name in optional)
         listed = {name: kind for name, kind in listed.items() if name not in optional}
-    assert listed == live
+    probe.until(lambda: listed.keys() <= live().keys(), 'the services')
+    assert listed == live()
     assert all(service.meaning for service in SERVICES.values())
 
 

@@ -31,8 +31,12 @@ def node(module_launch, probe):
     with probe.record(JointState, 'joint_states') as joint_states:
         probe.until(lambda: joint_states, 'joint_states')
     taken, published = probe.topics_of('manta_sim')
-    services = dict(probe.node.get_service_names_and_types_by_node('manta_sim', '/'))
-    return taken, published | OF_ROBOT_STATE_PUBLISHER, services, joint_states[0].name
+
+    def services():
+        return dict(probe.node.get_service_names_and_types_by_node('manta_sim', '/'))
+
+    probe.until(lambda: '/manta_sim/reset' in services(), 'the last of the services that buttons call')
+    return taken, published | OF_ROBOT_STATE_PUBLISHER, services(), joint_states[0].name
 
 
 def message_class(kind):

@@ -39,7 +39,9 @@ def test_nothing_is_made_while_nobody_subscribes(outputs, simulator, probe, monk
             outputs.publish(simulator.advance(0.01))
         probe.until(lambda: len(heard) > 2, 'markers', doing=publish, every=0.0)
         assert len(made) >= len(heard)
-    probe.until(lambda: not probe.node.count_subscribers('fin_markers'), 'the end of the subscription')
+    markers = [each for each in probe.node.publishers if each.topic_name == '/fin_markers']
+    probe.until(lambda: not any(each.get_subscription_count() for each in markers), 'the end of the subscription')
+    assert markers
     made.clear()
     forgotten.clear()
     for _ in range(50):

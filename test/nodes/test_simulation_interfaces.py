@@ -36,8 +36,13 @@ def test_without_the_package_one_line_says_so_and_all_else_goes_on(launch, probe
     robot.step()
     assert robot.pause(False).success and robot.trigger('reset').success
     assert robot.node.output.count(MISSING) == 1
-    services = probe.node.get_service_names_and_types_by_node('manta_sim', '/bare')
-    assert not [name for name, types in services if 'simulation_interfaces' in types[0]]
+
+    def services():
+        return dict(probe.node.get_service_names_and_types_by_node('manta_sim', '/bare'))
+
+    probe.until(lambda: ('manta_sim', '/bare') in probe.node.get_node_names_and_namespaces(), 'its name')
+    probe.until(lambda: '/bare/manta_sim/reset' in services(), 'its services')
+    assert not [name for name, types in services().items() if 'simulation_interfaces' in types[0]]
 
 
 class Standard:
@@ -45,13 +50,19 @@ class Standard:
 
     def __init__(self, launch, probe, name, ros_arguments='', clock=None):
         self.robot = LockstepRobot(launch, probe, name, ros_arguments, clock)
-        self._call = functools.partial(self._call_service, probe, f'/{name}/manta_sim')
+        self._probe, self._node, self._clients = probe, f'/{name}/manta_sim', {}
 
-    @staticmethod
-    def _call_service(probe, node, service, **request):
+    def _call(self, service, **request):
+        """Call a service once. A new client calls it before with a request that changes nothing, as often as needed."""
         from simulation_interfaces import srv
         kind = getattr(srv, ''.join(word.capitalize() for word in service.split('_')))
-        return probe.call(kind, f'{node}/{service}', **request)
+        if service not in self._clients:
+            self._clients[service] = self._probe.node.create_client(kind, f'{self._node}/{service}')
+            self._probe.first_answer(self._clients[service], kind.Request(
+                **{'steps': 0} if service == 'step_simulation' else {}))
+        answer = self._clients[service].call_async(kind.Request(**request))
+        self._probe.until(answer.done, f'the answer of {service}')
+        return answer.result()
 
     def ask(self, service, **request):
         """Return the result code, the message, and the answer."""
