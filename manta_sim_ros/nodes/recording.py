@@ -27,6 +27,8 @@ STEP_PERIOD = 2.0
 
 POLL = 0.05  # s
 ANSWER_LIMIT = 5.0  # s, then a service is called again: the middleware may lose the answer to a client that is new
+LAST_TYPE = 'diagnostic_msgs/msg/DiagnosticArray'
+"""Of the last publisher that a simulator makes: publishers are discovered in the order in which they were made."""
 OF_EVERY_NODE = ('/rosout', '/parameter_events')
 
 
@@ -108,8 +110,10 @@ class _Graph:
                     depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL))
         if self._times[simulator] == 0.0:
             return False
+        if (name, namespace or '/') not in self._node.get_node_names_and_namespaces():
+            return False
         published = self._node.get_publisher_names_and_types_by_node(name, namespace or '/')
-        return all(
+        return any(LAST_TYPE in types for _, types in published) and all(
             any(subscriber.node_name == recorder for subscriber in self._node.get_subscriptions_info_by_topic(topic))
             for topic, _ in published if topic not in OF_EVERY_NODE)
 
