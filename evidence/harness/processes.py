@@ -13,11 +13,16 @@ import sys
 import time
 from pathlib import Path
 
-LIMIT = 120.0
-"""Longest time to wait for anything [s]: the first start compiles for half a minute."""
+LIMIT = 300.0
+"""Longest time to wait for anything [s]: the first start compiles for half a minute, and on a busy machine for two."""
 COLOR = re.compile(r'\x1b\[[0-9;]*m')
 LINE_OF_OTHERS = re.compile(r'^\[[A-Z]+\] \[[0-9.]+\] \[rcl\b|^\d{4}-\d\d-\d\d .*\[RTPS_')
 """Of rcl, and of Fast DDS where a process that was killed left a file in /dev/shm."""
+
+
+def own_lines(text):
+    """Return the lines of a text without those of rcl and Fast DDS."""
+    return [line for line in text.splitlines() if not LINE_OF_OTHERS.match(COLOR.sub('', line))]
 
 
 def command_of(executable):
@@ -82,7 +87,7 @@ class NodeProcess:
         assert self.exit_status() > 0
         print(self.output)
         NodeProcess.present.remove(self)
-        return [line for line in self.output.splitlines() if not LINE_OF_OTHERS.match(COLOR.sub('', line))]
+        return own_lines(self.output)
 
     def end(self):
         self.send(signal.SIGTERM)

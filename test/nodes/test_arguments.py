@@ -5,7 +5,7 @@ import subprocess
 
 import pytest
 
-from evidence.harness.processes import command_of
+from evidence.harness.processes import LIMIT, command_of
 
 EXECUTABLES = ['sim_node', 'gait_node', 'monitor_node']
 REFUSED = {
@@ -18,7 +18,7 @@ REFUSED = {
 
 
 def run(executable, *arguments):
-    return subprocess.run([*command_of(executable), *arguments], capture_output=True, text=True, timeout=60.0)
+    return subprocess.run([*command_of(executable), *arguments], capture_output=True, text=True, timeout=LIMIT)
 
 
 @pytest.mark.parametrize('executable', EXECUTABLES)
