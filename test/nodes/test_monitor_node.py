@@ -15,14 +15,16 @@ from sensor_msgs.msg import JointState
 from evidence.harness.processes import command_of
 
 SPEED, DEPTH, HEADING = 0.25, 1.5, 60.0  # [m/s, m, degrees]
+QUEUE = 1000  # messages: none is lost when the node or this process stands still for a while
+QUEUES = ' '.join(f'-p qos_overrides./{topic}.subscription.depth:={QUEUE}' for topic in ('odom', 'joint_states'))
 RODS = ['left_front_rod', 'left_rear_rod', 'right_front_rod', 'right_rear_rod']
 
 
 @pytest.fixture
 def swim(probe):
     """Publishes odometry of a straight swim, 10 ms a message, and joint states, until a condition holds."""
-    publisher = probe.node.create_publisher(Odometry, 'odom', 10)
-    joints = probe.node.create_publisher(JointState, 'joint_states', 10)
+    publisher = probe.node.create_publisher(Odometry, 'odom', QUEUE)
+    joints = probe.node.create_publisher(JointState, 'joint_states', QUEUE)
     message = Odometry()
     message.pose.pose.position.z = -DEPTH
     message.pose.pose.orientation.z = math.sin(math.radians(HEADING) / 2)
@@ -50,7 +52,7 @@ def swim(probe):
 
 def lines_of(launch, swim, duration=2, **how):
     """Return the cells of each line that it prints about a swim, without those of the head."""
-    node = launch('monitor_node', f'-p duration:={duration}')
+    node = launch('monitor_node', f'-p duration:={duration} {QUEUES}')
     node.wait_for_output('waiting for /odom')
     node.may_end = True
     swim(lambda: node.process.poll() is not None, 'its end', **how)
@@ -101,8 +103,8 @@ def test_speed_and_power_are_means_of_the_same_time_since_the_last_line(launch, 
 
 @pytest.fixture
 def publish(probe):
-    """Publishes odometry with a stamp [s]."""
-    publisher = probe.node.create_publisher(Odometry, 'odom', 10)
+    """Publishes odometry with a stamp [s]; `publish.listeners()` counts who hears that."""
+    publisher = probe.node.create_publisher(Odometry, 'odom', QUEUE)
 
     def publish(stamp):
         message = Odometry()
@@ -110,6 +112,7 @@ def publish(probe):
         message.pose.pose.orientation.w = 1.0
         publisher.publish(message)
 
+    publish.listeners = publisher.get_subscription_count
     yield publish
     probe.node.destroy_publisher(publisher)
 
@@ -139,8 +142,9 @@ def test_while_no_odometry_comes_it_says_for_how_long_and_then_goes_on(launch, p
 
 
 def test_it_says_that_time_went_back_and_its_factors_stay_positive(launch, probe, publish):
-    node = launch('monitor_node')
+    node = launch('monitor_node', QUEUES)
     node.wait_for_output('waiting for /odom')
+    probe.until(publish.listeners, 'its subscription')
     stamps = itertools.chain((12.0 + 0.01 * k for k in range(31)), (0.01 * k for k in itertools.count()))
     probe.until(lambda: 'back' in node.output, 'it to see that', doing=lambda: publish(next(stamps)), every=0.05)
     probe.until(lambda: len(rows(node)) > 2, 'lines after it', doing=lambda: publish(next(stamps)), every=0.05)
