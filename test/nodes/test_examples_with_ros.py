@@ -23,7 +23,8 @@ HELD = 500  # outputs: 5 s of simulated time; the body oscillates with the fins
 
 
 def test_lockstep_moves_the_robot_as_the_library_does(launch):
-    launch('sim_node', '-p start_paused:=true -p step_duration:=0.5')
+    node = launch('sim_node', '-p start_paused:=true -p step_duration:=0.5')
+    node.wait_for_output('ready')
     ended = subprocess.run([sys.executable, EXAMPLES / 'lockstep.py'], capture_output=True, text=True, timeout=LIMIT)
     assert ended.returncode == 0, ended.stderr
     expected, simulator = [], Simulator()
@@ -44,7 +45,7 @@ def test_lockstep_without_a_simulator_says_so():
 
 @pytest.mark.parametrize('configuration', ['manta', 'freshwater'])
 def test_turn_with_feedback_turns_to_the_heading_and_holds_it(launch, probe, configuration):
-    launch('sim_node', f'--params-file {CONFIG / configuration}.yaml -p real_time_factor:=8.0')
+    launch('sim_node', f'--params-file {CONFIG / configuration}.yaml -p real_time_factor:=4.0')
     odometry = probe.record(Odometry, 'odom')
 
     def is_held(message):

@@ -17,6 +17,7 @@ from pathlib import Path
 import pytest
 import yaml
 
+from evidence.harness.processes import LIMIT
 from evidence.report import read_table
 from evidence.tables import launch_arguments, two_mantas
 from manta_sim_ros.nodes.interface import TOPICS
@@ -75,9 +76,10 @@ path = os.path.join(os.environ['STARTED'], str(os.getpid()))
 with open(path + '.part', 'w') as file:
     json.dump(started, file)
 os.rename(path + '.part', path)
-end = time.monotonic() + 20.0
+end = time.monotonic() + {0.5 * LIMIT}
 while time.monotonic() < end and (
-        started['name'] != 'sim_node' or len(os.listdir(os.environ['STARTED'])) < int(os.environ['EXPECTED'])):
+        started['name'] != 'sim_node'
+        or sum(not name.endswith('.part') for name in os.listdir(os.environ['STARTED'])) < int(os.environ['EXPECTED'])):
     time.sleep(0.02)
 """
 
@@ -121,7 +123,7 @@ def launched(tmp_path):
         finished = subprocess.run(
             [sys.executable, '-c', LAUNCHER, prefix / 'share' / 'manta_sim_ros' / 'launch' / name,
              *shlex.split(arguments)],
-            cwd=tmp_path, timeout=60, text=True, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE,
+            cwd=tmp_path, timeout=LIMIT, text=True, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT, env=os.environ | {
                 'AMENT_PREFIX_PATH': str(prefix), 'PATH': f'{prefix / "bin"}:{os.environ["PATH"]}',
                 'ROS_LOG_DIR': str(tmp_path / 'log'), 'STARTED': str(started), 'EXPECTED': str(expected)})

@@ -5,10 +5,11 @@ import re
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from nav_msgs.msg import Odometry
-from std_msgs.msg import Float64MultiArray
+
+from evidence.harness.lockstep import LockstepRobot
 
 TURN = [0.7, 0.35, 0.8, 0.8, 0.7, 0.7]
-FAST = '-p real_time_factor:=8.0 -p rods.command_time_constant:=0.0'
+PAUSED = '-p start_paused:=true -p rods.command_time_constant:=0.0 -r /diagnostics:=/turning/diagnostics'
 
 
 def water(probe):
@@ -48,18 +49,17 @@ def test_a_deep_robot_is_under_water(launch, probe):
 
 
 @pytest.mark.parametrize(('arguments', 'warned'), [
-    (FAST, True), (f'{FAST} -p fin.shear_modulus:=1000.0', False)], ids=['the paper', 'resistance to twist'])
+    (PAUSED, True), (f'{PAUSED} -p fin.shear_modulus:=1000.0', False)], ids=['the paper', 'resistance to twist'])
 def test_chordwise_instability_in_a_turn_is_warned_of_once(launch, probe, arguments, warned):
-    node = launch('sim_node', arguments)
-    commands = probe.node.create_publisher(Float64MultiArray, 'fin_command', 10)
-    odometry = probe.record(Odometry, 'odom')
-    probe.until(commands.get_subscription_count, 'the node')
-    commands.publish(Float64MultiArray(data=TURN))
-    probe.until(lambda: odometry and odometry[-1].header.stamp.sec >= 25, 'a turn of 25 s')
-    warnings = re.findall(r'\[WARN\] .* chordwise instability .*fin\.shear_modulus', node.output)
+    robot = LockstepRobot(launch, probe, 'turning', arguments)
+    robot.command(TURN)
+    assert robot.set_parameter('step_duration', 25.0).successful
+    with probe.record(DiagnosticArray, '/turning/diagnostics') as diagnostics:
+        end = robot.step()
+        probe.until(lambda: diagnostics.stamps.count(end) > 1, 'diagnostics, which come after such a warning')
+    warnings = re.findall(r'\[WARN\] .* chordwise instability .*fin\.shear_modulus', robot.node.output)
     assert len(warnings) == warned
-    assert 'ModelWarning' not in node.output  # the library's own is not printed beside it
-    probe.node.destroy_publisher(commands)
+    assert 'ModelWarning' not in robot.node.output  # the library's own is not printed beside it
 
 
 def test_added_mass_without_damping_in_roll_and_yaw_is_warned_of(launch, probe):
