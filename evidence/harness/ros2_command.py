@@ -22,13 +22,15 @@ import rclpy
 import yaml
 from ament_index_python.packages import get_package_prefix, get_package_share_directory
 from rcl_interfaces.srv import SetParameters
+from rclpy.executors import SingleThreadedExecutor
 from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile
 from rclpy.signals import SignalHandlerOptions
 from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
-LIMIT = 60.0  # s
+LIMIT = 240.0  # s: nothing takes so long, and a test waits longer
+DEPTH = 100_000  # messages of each topic: none is lost while this process stands still
 PATIENCE = 5.0  # s, then a service is called again
 
 
@@ -80,20 +82,33 @@ def record(node, output, topics):
 
 
 def subscribe(node, topics, entry):
-    """Subscribe to each topic as soon as it has a publisher, as `entry` says of topic and type; until Ctrl-C."""
-    ended = threading.Event()
+    """Subscribe to each topic as soon as it has a publisher, as `entry` says of topic and type; until Ctrl-C.
+
+    What was received before Ctrl-C is taken.
+    """
+    ended, idle = threading.Event(), threading.Event()
     signal.signal(signal.SIGINT, lambda *_: ended.set())
+    executor = SingleThreadedExecutor()
+    executor.add_node(node)
     awaited = set(topics)
     while not ended.is_set():
         for topic in sorted(awaited):
             if publishers := node.get_publishers_info_by_topic(topic):
-                kind, callback, options = entry(topic, publishers[0].topic_type)
+                kind, take, options = entry(topic, publishers[0].topic_type)
+
+                def callback(message, take=take):
+                    idle.clear()
+                    take(message)
+
                 reliability = publishers[0].qos_profile.reliability
                 node.create_subscription(
-                    kind, topic, callback, QoSProfile(depth=1000, reliability=reliability), **options)
+                    kind, topic, callback, QoSProfile(depth=DEPTH, reliability=reliability), **options)
                 awaited.remove(topic)
                 print(f"Subscribed to topic '{topic}'", flush=True)
-        rclpy.spin_once(node, timeout_sec=0.1)
+        executor.spin_once(timeout_sec=0.1)
+    while not idle.is_set():
+        idle.set()
+        executor.spin_once(timeout_sec=0.1)
 
 
 def ask(node, kind, name, request):
