@@ -121,7 +121,8 @@ def kill(launch: Any, probe: Any, lengths: Lengths) -> list[Fact]:
 def pin(node: Any, cores: set[int]) -> None:
     """Let all threads of a node run on these cores only."""
     for thread in os.listdir(f'/proc/{node.process.pid}/task'):
-        os.sched_setaffinity(int(thread), cores)
+        with contextlib.suppress(ProcessLookupError):  # it has ended
+            os.sched_setaffinity(int(thread), cores)
 
 
 @contextlib.contextmanager

@@ -238,6 +238,15 @@ class Target:
         before = self.diagnostics
         self.probe.until(told, 'diagnostics')
 
+    @noticed
+    def settle(self) -> None:
+        """Wait until all messages that must be refused are counted: one may be lost, and be sent again."""
+        def counted() -> bool:
+            self.check()
+            return self.refused >= self.hostile
+
+        self.probe.until(counted, f'{self.hostile} refusals')
+
 
 def _plain(value: Any) -> Any:
     return list(value) if isinstance(value, tuple) else value
@@ -296,6 +305,7 @@ def measure(lengths: Lengths) -> list[Fact]:
         while target.inputs < lengths.inputs and failure == 'none':
             try:
                 run_state_machine_as_test(seed(lengths.seed + rounds)(machine(target)), settings=effort)
+                target.settle()
             except Exception as error:  # whatever was found, with the steps to it
                 found = [target.failure, str(error), *getattr(error, '__notes__', ())]
                 failure = ' '.join('; '.join(found).split())[:1000]

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import json
+import os
 import signal
 import subprocess
 import sys
+import tempfile
 import time
 from pathlib import Path
 from typing import Any
 
 from evidence.benchmark.node_timing import processor_time
 from evidence.harness.lockstep import LockstepRobot
+from evidence.harness.processes import LIMIT
 from evidence.soak.facts import Fact, Lengths, at_least, equal, nodes, printed, resident
 
 TITLE = 'Load'
@@ -35,15 +38,22 @@ class Peer:
     """A process of peer.py in the ROS namespace of this test."""
 
     def __init__(self, kind: str, count: int, number: float) -> None:
+        self._output = tempfile.TemporaryFile()
         self.process = subprocess.Popen(
             [sys.executable, '-m', 'evidence.soak.peer', kind, str(count), str(number)], cwd=ROOT,
-            stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, text=True)
+            stdin=subprocess.DEVNULL, stdout=self._output)
+
+    @property
+    def lines(self) -> list[bytes]:
+        """What it has printed."""
+        return os.pread(self._output.fileno(), 100_000, 0).splitlines()
 
     def end(self) -> dict[str, Any]:
         """End it, and return what it did."""
         self.process.send_signal(signal.SIGCONT)
         self.process.terminate()
-        return json.loads(self.process.communicate(timeout=60.0)[0])
+        self.process.wait(LIMIT)
+        return json.loads(self.lines[-1])
 
 
 def measure(lengths: Lengths) -> list[Fact]:
@@ -60,6 +70,8 @@ def measure(lengths: Lengths) -> list[Fact]:
         try:
             probe.until(lambda: probe.node.count_publishers('/loaded/fin_command') >= PUBLISHERS, 'the publishers')
             probe.until(lambda: probe.node.count_subscribers('/loaded/odom') >= SUBSCRIBERS + 1, 'the subscribers')
+            probe.until(lambda: all(b'all heard' in peer.lines for peer in [*listeners, slow, stopped]),
+                        'a message to each subscriber')
             stopped.process.send_signal(signal.SIGSTOP)
             probe.listen(1.0)
             first, began, used, memory = len(heard), time.monotonic(), processor_time(pid), resident(pid)

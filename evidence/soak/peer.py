@@ -3,7 +3,7 @@
     python -m evidence.soak.peer command COUNT RATE
     python -m evidence.soak.peer listen COUNT DELAY
 
-SIGTERM ends it; then it prints what it did as JSON.
+SIGTERM ends it; then it prints what it did as JSON. Before, it says when each subscriber has heard a message.
 """
 
 from __future__ import annotations
@@ -44,6 +44,8 @@ def listen(node: Node, count: int, delay: float, ended: threading.Event) -> dict
     found = {'received': 0, 'lost': 0, 'backward': 0}
 
     def take(number: int, message: Odometry) -> None:
+        if number not in last and len(last) + 1 == count:
+            print('all heard', flush=True)
         stamp = message.header.stamp.sec * 1_000_000_000 + message.header.stamp.nanosec
         passed = stamp - last.get(number, stamp - PERIOD)
         last[number] = stamp
