@@ -141,11 +141,9 @@ def until_said(robot, probe, matter, words, doing=None):
 
 def test_a_node_says_once_a_second_how_it_is(robot, probe):
     heard = len(robot.heard)
-    probe.until(lambda: len(robot.heard) >= heard + 3, 'three more')
+    probe.until(lambda: len(robot.heard) >= heard + 5, 'five more')
     assert robot.heard.rising
-    sent = robot.heard.sent[heard:]
-    seconds = [(later - earlier) * 1e-9 for earlier, later in zip(sent, sent[1:])]
-    assert min(seconds) > 0.9
+    assert robot.heard.sent[-1] - robot.heard.sent[heard] > 3.6e9  # about a second each
     assert all(status.name.startswith('/well/manta_sim: ') for status in robot.heard[-1].status)
 
 

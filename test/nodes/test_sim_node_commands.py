@@ -174,8 +174,8 @@ def test_a_flood_of_garbage_neither_stops_it_nor_reaches_a_topic(launch, probe):
         sent += 1
 
     before = len(robot.odometry)
-    probe.until(lambda: sent >= 400 and len(robot.odometry) >= before + 100, 'a flood', doing=flood, every=0.0)
-    assert 'fin_command refused' in robot.node.output
+    probe.until(lambda: sent >= 400 and len(robot.odometry) >= before + 100 and
+                'fin_command refused' in robot.node.output, 'a flood', doing=flood, every=0.0)
 
     def thrust():
         return max(abs(message.wrench.force.x) for message in robot.wrench[-20:])

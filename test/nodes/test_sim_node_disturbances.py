@@ -8,9 +8,11 @@ import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import Point, Pose, PoseStamped, Vector3Stamped, WrenchStamped
+from rclpy.duration import Duration
 from std_msgs.msg import Header
 
 from evidence.harness.lockstep import LockstepRobot, numbers
+from evidence.harness.processes import LIMIT
 from manta_sim_ros.dynamics import Parameters, Simulator
 
 VARYING = {'current_deviation': (0.2, 0.1, 0.05), 'current_correlation_time': 1.0, 'current_seed': 3}
@@ -138,16 +140,18 @@ def test_a_reset_ends_all_disturbances_and_those_that_were_sent_before(robot):
     robot.step()
     assert any(numbers(robot.odometry[-1], robot.wrench[-1]))
     assert robot.set_parameter('step_duration', 20.0).successful  # busy for a while: what is sent now waits
-    stepping, heard = robot.ask('step'), len(robot.clock)
-    robot.probe.until(lambda: len(robot.clock) > heard, 'the long step')
-    for _ in range(5):
+    began, stepping = robot.now(), robot.ask('step')
+    robot.probe.until(lambda: robot.clock.stamps[-1] > began, 'the long step')
+    for _ in range(10):  # the whole queue: Fast DDS asks for a receipt at once
         robot.currents.publish(current(0.3, -0.2, 0.1))
         robot.wrenches.publish(wrench(3.0, -2.0, 1.0, 0.3, -0.2, 0.5))
         robot.poses.publish(PoseStamped(header=Header(frame_id='odom'), pose=Pose(position=Point(x=9.0))))
+    for publisher in (robot.currents, robot.wrenches, robot.poses):
+        assert publisher.wait_for_all_acked(Duration(seconds=LIMIT))
+    assert not stepping.done()
     assert robot.trigger('reset').success
     robot.probe.until(stepping.done, 'the long step')
     assert robot.set_parameter('step_duration', 0.1).successful
-    robot.probe.listen(0.3)
     robot.step()
     assert not any(numbers(robot.odometry[-1], robot.wrench[-1]))
     assert robot.odometry[-1].pose.pose.position.x == 0.0
