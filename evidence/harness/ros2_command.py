@@ -108,7 +108,7 @@ def subscribe(node, topics, entry):
         executor.spin_once(timeout_sec=0.1)
     while not idle.is_set():
         idle.set()
-        executor.spin_once(timeout_sec=0.1)
+        executor.spin_once(timeout_sec=0.0)
 
 
 def ask(node, kind, name, request):
