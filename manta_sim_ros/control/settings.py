@@ -34,9 +34,9 @@ class FollowerSettings(ParameterGroup):
         0.22, unit='m/s', low=0.02, high=2.0,
         description='forward speed through the water that is held with the amplitude', source=GAINS)
     lookahead: float = quantity(
-        1.8, unit='m', low=0.05, high=10.0,
+        2.4, unit='m', low=0.05, high=10.0,
         description='length over which the course of the path is taken, so that corners are rounded',
-        source='two turning radii, and the way during a period')
+        source='chosen: with less, the robot overshoots at corners')
     largest_amplitude: float = quantity(
         math.radians(40.0), unit='rad', low=0.05, high=1.0, description='upper limit of the amplitude',
         source='the prototype')

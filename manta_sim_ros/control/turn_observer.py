@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-TRIM_TIME = 3.0
-"""Time constant with which a disturbance is found [s], about two flapping periods."""
+TRIM_TIME = 6.0
+"""Time constant with which a disturbance is found [s]: a shorter one lets the steering swing after a corner."""
 
 
 class TurnObserver:

@@ -20,8 +20,8 @@ from manta_sim_ros.dynamics import read_sections, values_for
 
 
 @pytest.mark.parametrize(('robot', 'course', 'condition'), [
-    ('freshwater', 'helix', 'current'), ('freshwater', 'lawnmower', 'current'), ('freshwater', 'waypoints', 'calm'),
-    ('manta', 'helix', 'calm')])
+    ('freshwater', 'helix', 'current'), ('freshwater', 'lawnmower', 'calm'), ('freshwater', 'lawnmower', 'current'),
+    ('freshwater', 'waypoints', 'calm'), ('manta', 'helix', 'calm')])
 def test_the_robot_stays_near_the_path_within_its_limits(robot, course, condition):
     row = Row(robot, course, condition, 'path_follower')
     one, settings = swim(row, 0, lambda: None), ROBOTS[robot].settings
