@@ -16,7 +16,7 @@ setup(
     maintainer=maintainer.text,
     maintainer_email=maintainer.get('email'),
     packages=find_packages(include=[name, name + '.*']),
-    package_data={name: ['py.typed', 'studies/*.html', 'studies/*.js']},
+    package_data={name: ['py.typed', 'studies/*.html', 'studies/*.js', 'control/models/*.yaml']},
     data_files=[
         ('share/ament_index/resource_index/packages', ['resource/' + name]),
         ('share/' + name, ['package.xml']),
@@ -33,21 +33,23 @@ setup(
     install_requires=['numba', 'numpy', 'PyYAML', 'scipy'],
     extras_require={
         'cluster': ['distributed'],
-        'control': ['textual'],
+        'control': ['casadi', 'textual'],
         'figures': ['matplotlib', 'pillow', 'tqdm'],
         'learn': ['cma', 'gymnasium'],
         'studies': ['matplotlib', 'plotly', 'pyarrow', 'rosbags', 'tqdm'],
         'test': [
-            'cma', 'gymnasium', 'hypothesis', 'matplotlib', 'pillow', 'plotly', 'pyarrow', 'pytest', 'pytest-xdist',
-            'rosbags', 'textual', 'tqdm'],
+            'casadi', 'cma', 'gymnasium', 'hypothesis', 'matplotlib', 'pillow', 'plotly', 'pyarrow', 'pytest',
+            'pytest-xdist', 'rosbags', 'textual', 'tqdm'],
     },
     zip_safe=False,  # Numba keeps compiled kernels beside the modules.
     entry_points={
         'console_scripts': [
+            'averaged_model = manta_sim_ros.executables:averaged_model',
             'gait_node = manta_sim_ros.executables:gait_node',
             'linearize = manta_sim_ros.executables:linearize',
             'identify = manta_sim_ros.executables:identify',
             'monitor_node = manta_sim_ros.executables:monitor_node',
+            'mpc_follower = manta_sim_ros.executables:mpc_follower',
             'paper_figures = manta_sim_ros.executables:paper_figures',
             'path_follower = manta_sim_ros.executables:path_follower',
             'path_gains = manta_sim_ros.executables:path_gains',

@@ -19,6 +19,7 @@ from evidence.report import table
 from manta_sim_ros.control.joystick import JoystickSettings
 from manta_sim_ros.control.manual import ManualSettings
 from manta_sim_ros.control.mission import MISSIONS
+from manta_sim_ros.control.mpc_settings import MpcSettings
 from manta_sim_ros.control.settings import FollowerSettings
 from manta_sim_ros.control.teleoperation import KEYS
 from manta_sim_ros.dynamics import ParameterGroup, Quantity
@@ -208,6 +209,7 @@ TABLES: dict[str, Callable[[], str]] = {
     'swim.launch.py': lambda: arguments_table(launch_arguments('swim.launch.py')),
     'two_mantas.launch.py': lambda: arguments_table(two_mantas()),
     'path follower': lambda: group_parameters(FollowerSettings()),
+    'model-predictive follower': lambda: group_parameters(MpcSettings()),
     'teleop': lambda: group_parameters(ManualSettings(), JoystickSettings()),
     'teleop keys': teleop_keys,
     'teleop screen': teleop_screen,

@@ -14,6 +14,7 @@ import sys
 from manta_sim_ros.signals import on_ending
 
 NEEDS_ROS = 'ROS 2, which is not installed or not sourced: source its setup file first'
+NEEDS_CONTROL = "the extra 'control': pip install 'manta_sim_ros[control]'"
 NEEDS_STUDIES = "the extra 'studies': pip install 'manta_sim_ros[studies]'"
 NEEDS_LEARN = "the extra 'learn': pip install 'manta_sim_ros[learn]'"
 NEEDS_FIGURES = "the extra 'figures': pip install 'manta_sim_ros[figures]'"
@@ -39,6 +40,18 @@ def path_follower() -> None:
     """Follow a path."""
     os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
     _run('nodes.path_follower', NEEDS_ROS)
+
+
+def mpc_follower() -> None:
+    """Follow a path with a plan of the gaits."""
+    os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
+    _run('nodes.mpc_follower', f'{NEEDS_CONTROL}; and {NEEDS_ROS}', packages=('casadi',))
+
+
+def averaged_model() -> None:
+    """Fit the averaged model of mpc_follower."""
+    os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
+    _run('control.model_fit', NEEDS_STUDIES, interrupted=130)
 
 
 def path_gains() -> None:

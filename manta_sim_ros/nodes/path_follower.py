@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from typing import Any
+from collections.abc import Callable
+from typing import Protocol
 
 import numpy as np
 import rclpy
@@ -13,14 +14,14 @@ from nav_msgs.msg import Odometry, Path
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from std_msgs.msg import Float64MultiArray, Header
 
-from manta_sim_ros.control.closed_loop import CONTROL_PERIOD
+from manta_sim_ros.control.closed_loop import CONTROL_PERIOD, Follower
 from manta_sim_ros.control.follower import PathFollower, check_limits
 from manta_sim_ros.control.mission import read_mission
 from manta_sim_ros.control.polyline import Polyline
 from manta_sim_ros.control.settings import FollowerSettings
 from manta_sim_ros.dynamics import FinCommand, Parameters, shown
 from manta_sim_ros.nodes.messages import seconds
-from manta_sim_ros.nodes.parameters import ParameterNode, declare_value, descriptor
+from manta_sim_ros.nodes.parameters import ParameterNode, declare_group, declare_value
 from manta_sim_ros.nodes.process import run_node
 from manta_sim_ros.nodes.qos import publisher, subscription
 from manta_sim_ros.nodes.refusals import Refusals
@@ -63,8 +64,40 @@ def message_of(waypoints: list[list[float]], frame: str, stamp: Time) -> Path:
     return message
 
 
+class Controller(Follower, Protocol):
+    """A controller that follows a path, and glides."""
+
+    def glide(self) -> tuple[FinCommand, FinCommand]:
+        """Return the gaits with which the robot glides to rest, and forget how it moved."""
+
+
+Design = Callable[[ParameterNode, Parameters], Callable[[Polyline], Controller]]
+
+
+def line_of_sight(node: ParameterNode, robot: Parameters) -> Callable[[Polyline], Controller]:
+    """Declare the parameters of the path follower, and return what makes it.
+
+    Raises
+    ------
+    ValueError
+        A parameter is invalid, or the rods of the robot cannot follow it; names the value and the bound.
+
+    """
+    settings = declare_group(node, FollowerSettings)
+    check_limits(settings, robot)
+    return lambda path: PathFollower(path, settings, robot)
+
+
 class PathFollowerNode(ParameterNode):
     """Follows the last path that it was given, and glides to rest at its end or when no odometry comes.
+
+    Parameters
+    ----------
+    name
+        Its name.
+    design
+        Its controller: given the node and the robot, it declares its parameters, and returns what makes the controller
+        for a first path.
 
     Raises
     ------
@@ -73,9 +106,8 @@ class PathFollowerNode(ParameterNode):
 
     """
 
-    def __init__(self) -> None:
-        super().__init__('manta_path_follower')
-        self._settings = self._declared_settings()
+    def __init__(self, name: str = 'manta_path_follower', design: Design = line_of_sight) -> None:
+        super().__init__(name)
         self._frame: str = declare_value(self, 'odom_frame', 'odom', 'frame of odom and of the path')
         self._timeout: float = declare_value(
             self, 'odom_timeout', 1.0, 'time without odom after which the robot glides to rest [s], from 0.05 to 60')
@@ -85,11 +117,11 @@ class PathFollowerNode(ParameterNode):
             self, 'robot', '', 'parameter file of the robot, whose mechanism limits the gaits; empty: the defaults')
         mission = declare_value(self, 'mission', '', 'mission file to begin with; empty: wait for a path')
         try:
-            self._robot = Parameters.from_yaml(robot) if robot else Parameters()
+            robot_parameters = Parameters.from_yaml(robot) if robot else Parameters()
         except OSError as error:
             raise ValueError(f'robot {shown(robot)}: {error}') from error
-        check_limits(self._settings, self._robot)
-        self._follower: PathFollower | None = None
+        self._make = design(self, robot_parameters)
+        self._follower: Controller | None = None
         self._commanded = -math.inf  # stamp of the odometry [s]
         self._heard = math.nan  # time of the node [s]
         self._gliding = False
@@ -106,18 +138,9 @@ class PathFollowerNode(ParameterNode):
         self._timer = self.create_timer(CONTROL_PERIOD, self._watch)
         self.warn_of_unknown_parameters()
 
-    def _declared_settings(self) -> FollowerSettings:
-        known = FollowerSettings.quantities()
-        settings = FollowerSettings(**{name: value for name, value in self.given.items() if name in known})
-        for name, about in known.items():
-            value: Any = getattr(settings, name)
-            self.declare_parameter(
-                name, list(value) if isinstance(value, tuple) else value, descriptor(about), ignore_override=True)
-        return settings
-
     def _follow(self, path: Polyline) -> None:
         if self._follower is None:
-            self._follower = PathFollower(path, self._settings, self._robot)
+            self._follower = self._make(path)
         else:
             self._follower.follow(path)
         self.get_logger().info(f'following a path of {path.length:.2f} m')
@@ -151,7 +174,7 @@ class PathFollowerNode(ParameterNode):
             self._gliding = False
             self.get_logger().info('odom is back')
 
-    def _control(self, follower: PathFollower, stamp: float, values: list[float]) -> None:
+    def _control(self, follower: Controller, stamp: float, values: list[float]) -> None:
         self._hear()
         follower.observe(stamp, np.array(values[:3]), np.array(values[3:7]), np.array(values[7:]))
         if 0.0 <= stamp - self._commanded < CONTROL_PERIOD - 1e-6:

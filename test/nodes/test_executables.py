@@ -35,7 +35,7 @@ print('not ended')
 @pytest.mark.parametrize('ending', SIGNALS)
 @pytest.mark.parametrize(('executable', 'imported', 'status'), [
     ('sim_node', 'rclpy', 0), ('gait_node', 'rclpy', 0), ('monitor_node', 'rclpy', 0), ('paper_figures', 'tqdm', 130),
-    ('path_follower', 'rclpy', 0), ('track_node', 'rclpy', 0), ('teleop', 'rclpy', 0),
+    ('path_follower', 'rclpy', 0), ('mpc_follower', 'rclpy', 0), ('track_node', 'rclpy', 0), ('teleop', 'rclpy', 0),
     ('simulate', 'rosbags', 130), ('report', 'rosbags', 130)])
 def test_a_signal_in_the_middle_of_an_import_ends_it_with_its_status_and_no_traceback(
         executable, imported, status, ending):

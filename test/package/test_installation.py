@@ -67,7 +67,8 @@ def test_the_metadata_name_what_the_library_needs_and_the_extras(installed):
     assert (installed / 'manta_sim_ros' / 'py.typed').is_file()
     assert {path.name for path in (installed / 'bin').iterdir()} >= {
         'sim_node', 'gait_node', 'monitor_node', 'paper_figures', 'identify', 'linearize', 'path_follower',
-        'path_gains', 'report', 'simulate', 'sweep', 'teleop', 'track_node', 'train_policy'}
+        'averaged_model', 'mpc_follower', 'path_gains', 'report', 'simulate', 'sweep', 'teleop', 'track_node',
+        'train_policy'}
 
 
 def test_the_library_works_without_ros_and_without_setuptools(installed, tmp_path):
@@ -96,6 +97,7 @@ print(manta_sim_ros.__file__, simulator.advance(2.0).position[0])
     ('paper_figures', ['matplotlib'], ['no module matplotlib', "pip install 'manta_sim_ros[figures]'"]),
     ('paper_figures', ['PIL'], ['no module PIL', "pip install 'manta_sim_ros[figures]'"]),
     ('paper_figures', ['tqdm'], ['no module tqdm', "pip install 'manta_sim_ros[figures]'"]),
+    ('mpc_follower', ['casadi'], ['no module casadi', "pip install 'manta_sim_ros[control]'"]),
     ('identify', ['rosbags'], ['no module rosbags', "pip install 'manta_sim_ros[studies]'"]),
     ('train_policy', ['gymnasium'], ['no module gymnasium', "pip install 'manta_sim_ros[learn]'"]),
     ('train_policy', ['cma'], ['no module cma', "pip install 'manta_sim_ros[learn]'"]),
