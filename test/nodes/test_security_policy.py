@@ -13,7 +13,8 @@ POLICY = Path(__file__).parents[2] / 'config' / 'sros2' / 'policy.xml'
 RIGHTS = {'publish': 'publisher', 'subscribe': 'subscriber', 'reply': 'service', 'request': 'client'}
 NODES = {
     'manta_sim': 'sim_node', 'manta_gait': 'gait_node', 'manta_monitor': 'monitor_node',
-    'manta_path_follower': 'path_follower', 'manta_track': 'track_node'}
+    'manta_path_follower': 'path_follower', 'manta_mpc_follower': 'mpc_follower', 'manta_teleop': 'teleop',
+    'manta_track': 'track_node'}
 
 
 def resolved(name, node, namespace='/'):
@@ -57,7 +58,8 @@ def graph(module_launch, probe, profiles):
         module_launch('sim_node'),
         module_launch('sim_node', '-r __ns:=/other -p publish_clock:=false -p use_sim_time:=true')]
     module_launch('gait_node', '-p use_sim_time:=true')
-    module_launch('path_follower', '-p use_sim_time:=true')
+    for follower in ('path_follower', 'mpc_follower', 'teleop'):
+        module_launch(follower, '-p use_sim_time:=true')
     module_launch('track_node', '-p use_sim_time:=true -p lockstep:=true')
     module_launch('monitor_node', '-p use_sim_time:=true').wait_for_output(' time ')  # it hears the first one
     for simulator in simulators:
