@@ -66,7 +66,7 @@ tables:  ## write the tables of docs/ that come from the code
 bench:  ## compare the speed with Pinocchio, MuJoCo and NumPy: writes docs/benchmark.md
 	@env -u ROS_DOMAIN_ID scripts/setup.sh --dev -- python -m evidence.benchmark
 
-control-report:  ## measure how well the path follower follows paths: writes docs/control_report.md, about four minutes
+control-report:  ## measure how well the path follower follows paths: writes docs/control_report.md, about half an hour
 	$(TOOLS) -- python -m evidence.control_report
 
 steering:  ## measure what each input of the fins does: writes docs/controller.md
