@@ -43,7 +43,9 @@ def profiles():
 
 
 def not_in_the_graph(node):
-    """Return what a node does where tf2_msgs and simulation_interfaces are installed."""
+    """Return what a node does where tf2_msgs and simulation_interfaces are installed, and teleop in a terminal."""
+    if node == 'manta_teleop':
+        return {('subscribe', topic) for topic in ('/odom', '/joint_states', '/diagnostics')}
     if node != 'manta_sim':
         return set()
     rights = {'in': 'subscribe', 'out': 'publish'}
