@@ -37,7 +37,7 @@ def test_the_robot_stays_near_the_path_within_its_limits(robot, course, conditio
 
 
 def test_a_robot_that_keeps_station_stays_within_its_radius_in_a_current():
-    parameters, settings, _ = ROBOTS['freshwater']
+    parameters, settings, *_ = ROBOTS['freshwater']
     center, radius = (0.0, 2.0, 0.0), 3.0
     path = path_of({'station_keeping': {'center': center, 'radius': radius, 'turns': 1}})
     swimming = parameters.replace(water={'current': (0.1, 0.0, 0.0)})
@@ -48,7 +48,7 @@ def test_a_robot_that_keeps_station_stays_within_its_radius_in_a_current():
 
 
 def test_the_default_gains_are_those_of_the_linear_model_in_fresh_water():
-    parameters, settings, _ = ROBOTS['freshwater']
+    parameters, settings, *_ = ROBOTS['freshwater']
     computed = design(parameters, settings)
     for name in ('speed', 'speed_model', 'turn_response', 'sideslip', 'steering_gains', 'depth_gains', 'speed_gains'):
         np.testing.assert_allclose(getattr(settings, name), getattr(computed, name), rtol=0.02, atol=1e-3)

@@ -108,7 +108,7 @@ def test_a_bound_that_is_no_longer_met_makes_the_command_fail(monkeypatch, tmp_p
     (tmp_path / 'control_report.md').write_text(PAGE)
     monkeypatch.setattr(command, 'DOCS', tmp_path)
     monkeypatch.setattr(courses, 'ON_LEGS', -0.01)
-    only = ['--robots', 'freshwater', '--paths', 'straight', '--conditions', 'calm']
+    only = ['--robots', 'freshwater', '--paths', 'straight', '--conditions', 'calm', '--controllers', 'path_follower']
     assert command.main(only) == 1
     printed = capsys.readouterr().out
     assert 'was met before: freshwater, straight, calm, path_follower, error\n' in printed
