@@ -28,8 +28,8 @@ def test_it_follows_a_mission_and_glides_to_rest_at_its_end(launch, probe, missi
         probe.until(lambda: probe.node.count_subscribers('odom') >= 2, 'the subscription of the follower')
         for _ in range(MOST_STEPS):
             due = len(commands) + 1
-            step.call_async(Trigger.Request())
-            probe.until(lambda due=due: len(commands) >= due, 'a command')
+            probe.until(lambda due=due: len(commands) >= due, 'a command',  # a step or its odometry may be lost
+                        doing=lambda: step.call_async(Trigger.Request()), every=5.0)
             if 'the end of the path is reached' in follower.output:
                 break
         end = odometry[-1].pose.pose.position
