@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-import itertools
 import math
 
 import numpy as np
 
 from manta_sim_ros.control.averaging import Motion, PeriodAverage
 from manta_sim_ros.control.current_observer import CurrentObserver
+from manta_sim_ros.control.gaits import Gaits, gaits
 from manta_sim_ros.control.polyline import Polyline, Projection
 from manta_sim_ros.control.settings import FollowerSettings
 from manta_sim_ros.control.turn_observer import TurnObserver
-from manta_sim_ros.dynamics import FinCommand, FloatArray, Parameters, Simulator
+from manta_sim_ros.dynamics import FloatArray, Parameters
 
 SEARCHED = 2.0
 """Length of the path in which the nearest point is searched, in lookahead distances."""
@@ -86,7 +86,7 @@ class PathFollower:
     ) -> None:
         self.path = path
         self.settings = settings = FollowerSettings() if settings is None else settings
-        check_limits(settings, Parameters() if parameters is None else parameters)
+        settings.check_limits(Parameters() if parameters is None else parameters)
         self._average = PeriodAverage(settings.period)
         rate = settings.rate_limit
         self._steering = Loop(settings.steering_gains, -settings.largest_steering, settings.largest_steering, rate)
@@ -115,7 +115,7 @@ class PathFollower:
         """Take a sample: time [s], position (3,) [m], orientation (x, y, z, w), twist (6,) in the body frame."""
         self._average.add(time, position, orientation, twist)
 
-    def command(self, time: float) -> tuple[FinCommand, FinCommand]:
+    def command(self, time: float) -> Gaits:
         """Return the gaits of both fins at a time [s], after one sample or more; at rest at the end of the path."""
         elapsed = time - self._time if time > self._time else 0.0  # also at the first time, and when it goes back
         self._time = time
@@ -138,7 +138,7 @@ class PathFollower:
         steering = self._steering.update(elapsed, wanted, 0.0)
         bias = self._bias.regulate(elapsed, [w, q, pitch, where.height])
         amplitude = self._amplitude.regulate(elapsed, [u - forward - self.settings.speed])
-        return self._gait(amplitude, -steering, bias), self._gait(amplitude, steering, bias)
+        return self._gaits(amplitude, steering, bias)
 
     def _position_now(self, motion: Motion) -> FloatArray:
         """Return the position (3,) [m] to which the mean velocity has brought the robot since the middle of the means.
@@ -150,21 +150,21 @@ class PathFollower:
         velocity = np.array([cos * u - sin * v, sin * u + cos * v, 0.0])
         return motion.position + 0.5 * self.settings.period * velocity
 
-    def glide(self) -> tuple[FinCommand, FinCommand]:
+    def glide(self) -> Gaits:
         """Return the gaits with which the robot glides to rest, and forget how it moved."""
         self._time = math.nan
         self._average.clear()
         self._water.stop()
         return self._rest()
 
-    def _rest(self) -> tuple[FinCommand, FinCommand]:
+    def _rest(self) -> Gaits:
         self._turn.reset()
         for loop in (self._steering, self._bias, self._amplitude):
             loop.control = 0.0
-        return self._gait(0.0, 0.0, 0.0), self._gait(0.0, 0.0, 0.0)
+        return self._gaits(0.0, 0.0, 0.0)
 
-    def _gait(self, amplitude: float, steering: float, bias: float) -> FinCommand:
-        return FinCommand(amplitude, self.settings.frequency, self.settings.phase + steering, bias, -bias)
+    def _gaits(self, amplitude: float, steering: float, bias: float) -> Gaits:
+        return gaits(self.settings.frequency, self.settings.phase, amplitude, steering, bias)
 
     def _guide(self, speed: float, states: list[float], heading: float, where: Projection) -> float:
         """Return the steering that is wanted: the regulator acts on deviations from the motion along the path.
@@ -186,22 +186,3 @@ class PathFollower:
         turn = math.remainder(heading - course + crab + math.atan2(sideslip, speed), 2.0 * math.pi)
         deviation = np.array([*states, turn]) - [sideslip, 0.0, rate, 0.0, 0.0]
         return -float(gains[:-1] @ deviation) - self._turn.disturbance
-
-
-def check_limits(settings: FollowerSettings, parameters: Parameters) -> None:
-    """Refuse settings whose gaits, up to the limits, the rods cannot follow.
-
-    Raises
-    ------
-    ValueError
-        Names the value and the bound.
-
-    """
-    simulator = Simulator(parameters)
-    for steering, bias in itertools.product(
-            (-settings.largest_steering, settings.largest_steering), (-settings.largest_bias, settings.largest_bias)):
-        fin = FinCommand(settings.largest_amplitude, settings.frequency, settings.phase + steering, bias, -bias)
-        try:
-            simulator.command(left=fin, right=fin)
-        except ValueError as error:
-            raise ValueError(f'at the limits of the path follower: {error}') from error

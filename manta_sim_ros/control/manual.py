@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 import dataclasses
-import itertools
 import math
 from typing import NamedTuple
 
-from manta_sim_ros.dynamics import FinCommand, ParameterGroup, Parameters, Simulator, quantity
-
-Gaits = tuple[FinCommand, FinCommand]
-"""The gaits of the left and the right fin."""
+from manta_sim_ros.control.gaits import Gaits, check_limits, gaits
+from manta_sim_ros.dynamics import ParameterGroup, Parameters, quantity
 
 
 class Demand(NamedTuple):
@@ -82,12 +79,15 @@ class ManualControl:
     def __init__(self, settings: ManualSettings | None = None, parameters: Parameters | None = None) -> None:
         self.settings = settings = ManualSettings() if settings is None else settings
         self._amplitude = self._steering = self._bias = 0.0  # [rad]; a negative amplitude swims backward
-        _check_limits(settings, Parameters() if parameters is None else parameters)
+        check_limits(
+            'manual control', Parameters() if parameters is None else parameters, settings.frequency, settings.phase,
+            [-settings.largest_amplitude, settings.largest_amplitude], settings.largest_steering,
+            settings.largest_bias)
 
     @property
     def gaits(self) -> Gaits:
         """The present gaits."""
-        return _gaits(self.settings, self._amplitude, self._steering, self._bias)
+        return gaits(self.settings.frequency, self.settings.phase, self._amplitude, self._steering, self._bias)
 
     def update(self, elapsed: float, demand: Demand) -> Gaits:
         """Return the gaits after `elapsed` [s] on their way to a demand; a demand beyond 1 counts as 1."""
@@ -106,22 +106,3 @@ class ManualControl:
 
 def _toward(value: float, wanted: float, step: float) -> float:
     return value + min(max(wanted - value, -step), step)
-
-
-def _gaits(settings: ManualSettings, amplitude: float, steering: float, bias: float) -> Gaits:
-    phase, bias = math.copysign(settings.phase, amplitude), math.copysign(1.0, amplitude) * bias
-    left, right = (
-        FinCommand(abs(amplitude), settings.frequency, phase + change, bias, -bias) for change in (-steering, steering))
-    return left, right
-
-
-def _check_limits(settings: ManualSettings, parameters: Parameters) -> None:
-    """Refuse settings whose gaits, at the limits, the rods cannot follow."""
-    simulator = Simulator(parameters)
-    amplitude, steering, bias = settings.largest_amplitude, settings.largest_steering, settings.largest_bias
-    for signs in itertools.product((-1.0, 1.0), repeat=3):
-        left, right = _gaits(settings, signs[0] * amplitude, signs[1] * steering, signs[2] * bias)
-        try:
-            simulator.command(left=left, right=right)
-        except ValueError as error:
-            raise ValueError(f'at the limits of manual control: {error}') from error

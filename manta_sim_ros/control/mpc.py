@@ -11,14 +11,13 @@ import numpy as np
 from manta_sim_ros.control.averaged_model import GAIT, MODELS, AveragedModel, read_model
 from manta_sim_ros.control.averaged_motion import STATES
 from manta_sim_ros.control.averaging import PeriodAverage
-from manta_sim_ros.control.follower import ARRIVED, check_limits
+from manta_sim_ros.control.follower import ARRIVED
+from manta_sim_ros.control.gaits import Gaits, check_limits, gaits
 from manta_sim_ros.control.motion_filter import MotionFilter
 from manta_sim_ros.control.mpc_settings import MpcSettings
-from manta_sim_ros.control.path_points import PathPoints
 from manta_sim_ros.control.plan import SHORTEST_LAG, NoPlanError, Plan, Planner
 from manta_sim_ros.control.polyline import Polyline
-from manta_sim_ros.control.settings import FollowerSettings
-from manta_sim_ros.dynamics import FinCommand, FloatArray, Parameters
+from manta_sim_ros.dynamics import FloatArray, Parameters
 
 SEARCHED = 3.6
 """Length of the path in which the point nearest to the robot is searched [m]."""
@@ -77,13 +76,8 @@ class MpcFollower:
 
     def follow(self, path: Polyline) -> None:
         """Follow another path from now on, from its beginning; what is known of the current is kept."""
-        self._points, self._station = PathPoints(path), 0.0
+        self.path, self._station = path, 0.0
         self._astray = True  # the last plan is no good guess
-
-    @property
-    def path(self) -> Polyline:
-        """The path that is followed."""
-        return self._points.path
 
     @property
     def finished(self) -> bool:
@@ -99,7 +93,7 @@ class MpcFollower:
         """Take a sample: time [s], position (3,) [m], orientation (x, y, z, w), twist (6,) in the body frame."""
         self._average.add(time, position, orientation, twist)
 
-    def command(self, time: float) -> tuple[FinCommand, FinCommand]:
+    def command(self, time: float) -> Gaits:
         """Return the gaits of both fins at a time [s], after one sample or more; at rest at the end of the path."""
         elapsed = time - self._time
         self._time = time
@@ -116,7 +110,7 @@ class MpcFollower:
         self._command = self._command + np.clip(self._wanted() - self._command, -change, change)
         return self._fins()
 
-    def glide(self) -> tuple[FinCommand, FinCommand]:
+    def glide(self) -> Gaits:
         """Return the gaits with which the robot glides to rest, and forget how it moved."""
         self._time = math.nan
         self._average.clear()
@@ -158,7 +152,7 @@ class MpcFollower:
         if min(abs(self._turn(station, state)) for station in self._ahead()) > AWAY:
             self._plan, self._planned, self._astray = self._first_guess(state), self._time, True
             return
-        points = self._points.near(guess.states[:, 9:12], self._station, (SLOWEST * way, FASTEST * way))
+        points = self.path.points_near(guess.states[:, 9:12], self._station, (SLOWEST * way, FASTEST * way))
         try:
             self._plan = self._planner.plan(start, state[len(STATES):], points, guess)
             self._planned, self._warned, self._astray = self._time, '', False
@@ -175,7 +169,7 @@ class MpcFollower:
 
     def _turn(self, station: float, state: FloatArray) -> float:
         """Return the angle from the heading in a state to the direction of the path at a station [rad]."""
-        x, y = self._points.at(station)[3:5]
+        x, y = self.path.leg_at(station)[3:5]
         return math.remainder(math.atan2(y, x) - float(state[8]), 2.0 * math.pi)
 
     def _tell(self, consequence: str, error: NoPlanError) -> None:
@@ -204,11 +198,9 @@ class MpcFollower:
             commands.append(gait)
         return Plan(np.array(states), np.array(commands))
 
-    def _fins(self) -> tuple[FinCommand, FinCommand]:
+    def _fins(self) -> Gaits:
         amplitude, steering, bias = self._command.tolist()
-        left, right = (FinCommand(amplitude, self._model.frequency, self._model.phase + change, bias, -bias)
-                       for change in (-steering, steering))
-        return left, right
+        return gaits(self._model.frequency, self._model.phase, amplitude, steering, bias)
 
 
 def check_gaits(settings: MpcSettings, model: AveragedModel, parameters: Parameters) -> None:
@@ -223,6 +215,5 @@ def check_gaits(settings: MpcSettings, model: AveragedModel, parameters: Paramet
     if not settings.least_amplitude < settings.largest_amplitude:
         raise ValueError(f'least_amplitude is {settings.least_amplitude:g} rad, but must be below largest_amplitude, '
                          f'{settings.largest_amplitude:g} rad')
-    check_limits(FollowerSettings(
-        frequency=model.frequency, phase=model.phase, largest_amplitude=settings.largest_amplitude,
-        largest_steering=settings.largest_steering, largest_bias=settings.largest_bias), parameters)
+    check_limits('the path follower', parameters, model.frequency, model.phase, [settings.largest_amplitude],
+                 settings.largest_steering, settings.largest_bias)

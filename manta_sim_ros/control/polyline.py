@@ -95,6 +95,31 @@ class Polyline:
         leg = 0 if beyond < 0.0 else -1
         return self.point(station) + beyond * self._directions[leg]
 
+    def leg_at(self, station: float) -> FloatArray:
+        """Return the point (3,), and the horizontal direction (2,) and the slope of its leg, at a station [m].
+
+        Behind its end the path goes on straight.
+        """
+        leg = max(int(np.searchsorted(self._stations[:-1], station, side='right')) - 1, 0)
+        direction = self._directions[leg]
+        return np.concatenate([self.waypoints[leg] + (station - self._stations[leg]) * direction, direction])
+
+    def points_near(self, positions: FloatArray, station: float, steps: tuple[float, float]) -> FloatArray:
+        """Return what `leg_at` says (n, 6) of the points nearest to positions (n, 3) [m], the first one at `station`.
+
+        Each of the others is ahead of the one before by a length between the least and the largest of `steps` [m], so
+        that the points go round a corner also when the positions do not.
+        """
+        points = [self.leg_at(station)]
+        least, largest = steps
+        for position in positions[1:]:
+            station = self.project(position, station + least, station + largest).station
+            beyond = 0.0
+            if station >= self.length:
+                beyond = max(float(self._directions[-1, :2] @ (position - self.waypoints[-1])[:2]), 0.0)
+            points.append(self.leg_at(station + beyond))
+        return np.array(points)
+
     def project(self, position: Sequence[float] | FloatArray, begin: float, end: float) -> Projection:
         """Return the point of the path nearest to a position (3,) [m] in the horizontal plane, between two stations."""
         end = min(end, self.length)

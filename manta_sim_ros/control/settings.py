@@ -5,7 +5,8 @@ from __future__ import annotations
 import dataclasses
 import math
 
-from manta_sim_ros.dynamics import FinCommand, ParameterGroup, quantity
+from manta_sim_ros.control.gaits import check_limits
+from manta_sim_ros.dynamics import FinCommand, ParameterGroup, Parameters, quantity
 
 GAINS = 'computed by path_gains with config/freshwater.yaml'
 
@@ -90,3 +91,15 @@ class FollowerSettings(ParameterGroup):
     def period(self) -> float:
         """Flapping period [s]."""
         return 1.0 / self.frequency
+
+    def check_limits(self, parameters: Parameters) -> None:
+        """Refuse a robot whose rods cannot follow the gaits at the limits.
+
+        Raises
+        ------
+        ValueError
+            Names the value and the bound.
+
+        """
+        check_limits('the path follower', parameters, self.frequency, self.phase, [self.largest_amplitude],
+                     self.largest_steering, self.largest_bias)

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from manta_sim_ros.control.manual import Demand, Gaits
+from manta_sim_ros.control.gaits import Gaits
+from manta_sim_ros.control.manual import Demand
 from manta_sim_ros.dynamics import FloatArray
 
 

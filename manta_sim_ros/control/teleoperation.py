@@ -5,8 +5,9 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
+from manta_sim_ros.control.gaits import Gaits
 from manta_sim_ros.control.joystick import JoystickSettings
-from manta_sim_ros.control.manual import NEUTRAL, Demand, Gaits, ManualControl
+from manta_sim_ros.control.manual import NEUTRAL, Demand, ManualControl
 
 
 class Key(NamedTuple):

@@ -15,7 +15,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from std_msgs.msg import Float64MultiArray, Header
 
 from manta_sim_ros.control.closed_loop import CONTROL_PERIOD, Follower
-from manta_sim_ros.control.follower import PathFollower, check_limits
+from manta_sim_ros.control.follower import PathFollower
 from manta_sim_ros.control.mission import read_mission
 from manta_sim_ros.control.polyline import Polyline
 from manta_sim_ros.control.settings import FollowerSettings
@@ -84,7 +84,7 @@ def line_of_sight(node: ParameterNode, robot: Parameters) -> Callable[[Polyline]
 
     """
     settings = declare_group(node, FollowerSettings)
-    check_limits(settings, robot)
+    settings.check_limits(robot)
     return lambda path: PathFollower(path, settings, robot)
 
 

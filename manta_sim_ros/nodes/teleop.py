@@ -21,8 +21,9 @@ from std_msgs.msg import Float64MultiArray
 
 from manta_sim_ros.control.averaging import PeriodAverage
 from manta_sim_ros.control.closed_loop import CONTROL_PERIOD
+from manta_sim_ros.control.gaits import Gaits
 from manta_sim_ros.control.joystick import JoystickSettings, demand_of
-from manta_sim_ros.control.manual import Gaits, ManualControl, ManualSettings
+from manta_sim_ros.control.manual import ManualControl, ManualSettings
 from manta_sim_ros.control.teleop_view import View
 from manta_sim_ros.control.teleoperation import Teleoperation
 from manta_sim_ros.dynamics import Parameters, shown
