@@ -14,22 +14,22 @@ from pathlib import Path
 from rosgraph_msgs.msg import Clock
 
 from evidence.soak.facts import Fact, Lengths, equal, nodes, printed
-from manta_sim_ros.nodes.process import END_LIMIT
+from manta_sim_ros.nodes.process import GRACE
 
 TITLE = 'Starts and stops'
 ABOUT = """
 The node is started and ended, in turn with SIGINT and SIGTERM: half of the times after its first `/clock`, and half
 of the times at a random time of up to 2.5 s after it has set its handlers of signals, in the middle of its imports or
 first outputs. Afterwards no process may be left that inherited its environment, and no segment in /dev/shm that it
-used, if it was heard. Files of ports do not count: all processes with Fast DDS on a machine share them."""
+used, if it was heard and its end took less than 1 s. Files of ports do not count: all processes with Fast DDS on a
+machine share them."""
 NOT_SURVIVED = """
 In the first moments of the process, before Python has set the handlers, a signal ends the process as it ends any
 program, with the status of the signal. A node that is ended while it starts may leave a segment in /dev/shm, and so
-may one on a machine that is so busy that its end takes 2 s. After SIGKILL it stays: see "Faults"."""
+may one on a machine that is so busy that its end takes 1 s. After SIGKILL it stays: see "Faults"."""
 
 MARK = 'MANTA_SOAK_START'
 LATEST = 2.5  # s
-SLOW_END = 0.75 * END_LIMIT  # s
 
 
 def marked(value: str) -> list[str]:
@@ -69,7 +69,7 @@ def measure(lengths: Lengths) -> list[Fact]:
             node.send((signal.SIGINT, signal.SIGTERM)[number % 2])
             statuses[node.exit_status()] += 1
             ending.append(time.monotonic() - moment)
-            segments[heard and ending[-1] < SLOW_END] |= used
+            segments[heard and ending[-1] < GRACE] |= used
             noisy += 'Traceback' in node.output
             orphans += len(marked(mark))
             node.end()
@@ -80,6 +80,6 @@ def measure(lengths: Lengths) -> list[Fact]:
         equal('tracebacks', noisy, 0), equal('processes left', orphans, 0),
         equal('segments left in /dev/shm by nodes that were heard', left[True], 0),
         printed('segments left in /dev/shm by those that were starting, or whose end was slow', left[False]),
-        printed(f'ends that took longer than {SLOW_END:g} s', sum(each > SLOW_END for each in ending)),
+        printed(f'ends that took longer than {GRACE:g} s', sum(each > GRACE for each in ending)),
         printed('longest time from start to clock [s]', max(starting)),
         printed('longest time from signal to end [s]', max(ending))]

@@ -21,8 +21,11 @@ from manta_sim_ros.dynamics import cut
 from manta_sim_ros.nodes.arguments import check_arguments, warn_of_parameters_for_others
 from manta_sim_ros.signals import ignore_endings, on_ending
 
-GRACE = 0.5
-"""Time in which the main thread ends by itself after a signal, if it does not compute [s]."""
+GRACE = 1.0
+"""Time in which the main thread ends by itself after a signal, if it does not compute [s].
+
+After it, the node is destroyed in the thread of the signals. That leaves shared memory if the main thread still spins.
+"""
 
 END_LIMIT = 2.0
 """Longest time from a signal to the end of the process, whatever hangs [s]."""
