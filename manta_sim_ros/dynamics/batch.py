@@ -169,17 +169,12 @@ class _Robot(Simulator):
         motion = Motion(*(getattr(self.state, name) for name in Motion._fields))
         return self._constants, np.array(self.parameters.water.current), motion
 
-    def go_on(self, motion: Motion, steps: int) -> None:
-        """Continue from the motion after so many steps."""
+    def go_on(self, motion: FloatArray, steps: int) -> None:
+        """Continue from the motion after so many steps, which lies in one array."""
         before, time_step = self.state, self.parameters.solver.time_step
-        self._state = State.unchecked(
-            **motion._asdict(),
-            time=before.start_time + (before.step_count + steps) * time_step,
-            start_time=before.start_time,
-            step_count=before.step_count + steps,
-            current_deviation=np.zeros(3),
-            servos=False,
-        )
+        count = before.step_count + steps
+        self._moved(
+            motion, time=before.start_time + count * time_step, step_count=count, current_deviation=np.zeros(3))
         self._warn_of_turn()
 
 

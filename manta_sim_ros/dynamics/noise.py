@@ -16,7 +16,8 @@ LONGEST_WALK = 2.0**32
 
 _PHILOX = np.random.Philox(key=0)  # set to each seed and moment: to make a new one takes ten times as long
 _RANDOM = np.random.Generator(_PHILOX)
-_START = _PHILOX.state
+_START = {'bit_generator': 'Philox', 'buffer': (0, 0, 0, 0), 'buffer_pos': 4, 'has_uint32': 0, 'uinteger': 0}
+"""The other values of its state, with nothing drawn. NumPy reads numbers of Python in half the time of its own."""
 
 
 def gaussian_noise(seed: int, stream: int, moment: int, count: int) -> FloatArray:
@@ -34,9 +35,8 @@ def gaussian_noise(seed: int, stream: int, moment: int, count: int) -> FloatArra
         How many numbers.
 
     """
-    counter, key = np.array((0, 0, stream, moment % 2**64), np.uint64), np.array((seed, 0), np.uint64)
     with _PHILOX.lock:  # threads share the generator
-        _PHILOX.state = {**_START, 'state': {'counter': counter, 'key': key}}
+        _PHILOX.state = {**_START, 'state': {'counter': (0, 0, stream, moment % 2**64), 'key': (seed, 0)}}
         return _RANDOM.standard_normal(count)
 
 

@@ -15,9 +15,9 @@ import numpy as np
 from manta_sim_ros.dynamics._kernels import monolithic, staggered
 from manta_sim_ros.dynamics._kernels.compilation import announced_compilation
 from manta_sim_ros.dynamics._kernels.constants import constants, with_servos
-from manta_sim_ros.dynamics._kernels.inputs import Inputs, inputs
+from manta_sim_ros.dynamics._kernels.inputs import NO_WRENCH, Inputs, wrench_of
 from manta_sim_ros.dynamics._kernels.layout import workspace
-from manta_sim_ros.dynamics._kernels.motion import FASTEST, FIN_DIVERGED, NO_SOLUTION, FinState, Motion, Outcome
+from manta_sim_ros.dynamics._kernels.motion import FASTEST, FIN_DIVERGED, NO_SOLUTION, FinState, Outcome
 from manta_sim_ros.dynamics.command import (
     REST,
     SIDES,
@@ -46,8 +46,6 @@ WHOLE_STEPS_TOLERANCE = 1e-6
 
 LINK_STEPS_AT_ONCE = 5_000_000
 """Steps times links in one compiled call, about a second of computing: Ctrl-C takes effect between two calls."""
-
-_NO_WRENCH = np.zeros(6)
 
 _KERNELS: dict[str, ModuleType] = {SEQUENTIAL: staggered, MONOLITHIC: monolithic}
 
@@ -85,7 +83,8 @@ class Simulator:
         check_parameters(self._parameters)
         self._constants = constants(self._parameters)
         self._servo_constants = with_servos(self._constants)
-        self._workspace = workspace(self._parameters.fin.chains, self._parameters.fin.links)
+        fin, solver = self._parameters.fin, self._parameters.solver
+        self._workspace = workspace(fin.chains, fin.links, solver.coupling == MONOLITHIC)
         self._mean_current = np.array(self._parameters.water.current)
         warning = body_warning(self._parameters)
         if warning is not None:
@@ -116,7 +115,7 @@ class Simulator:
 
     def _go_to(self, state: State | None) -> State:
         if state is None:
-            self._state = State.at_rest(self._parameters)
+            self._continue_from(State.at_rest(self._parameters))
             return self._state
         check_shape(self._parameters, state)
         if self._parameters.solver.fixed_base and (np.any(state.twist) or np.any(state.acceleration)):
@@ -135,7 +134,7 @@ class Simulator:
         if state.time != state.start_time + state.step_count * step:  # its steps were counted elsewhere
             state = dataclasses.replace(state, start_time=state.time, step_count=0)
         warning = step_warning(self._parameters, *(FinCommand(*command) for command in state.gait_commands))
-        self._state = state
+        self._continue_from(state)
         self._warn_of_step(warning, stacklevel=4)
         return state
 
@@ -163,8 +162,8 @@ class Simulator:
         if rods.command_time_constant == 0.0:
             gait, rates = commands, np.zeros_like(rates)
         warning = step_warning(self._parameters, left, right)
-        self._state = dataclasses.replace(
-            self._state, gait=gait, gait_rates=rates, gait_commands=commands, servos=False)
+        self._continue_from(dataclasses.replace(
+            self._state, gait=gait, gait_rates=rates, gait_commands=commands, servos=False))
         self._warn_of_step(warning, stacklevel=3)
 
     def command_rods(
@@ -203,7 +202,8 @@ class Simulator:
             gait[:, 3:], rates[:, 3:] = before.rod_angles, before.rod_rates
             for side in range(2):
                 check_taking_over(rods, side, gait[side, 3:], rates[side, 3:])
-        self._state = dataclasses.replace(before, gait=gait, gait_rates=rates, gait_commands=commands, servos=True)
+        self._continue_from(
+            dataclasses.replace(before, gait=gait, gait_rates=rates, gait_commands=commands, servos=True))
         self._step_too_large = False
 
     def _warn_of_step(self, warning: str | None, stacklevel: int) -> None:
@@ -241,16 +241,16 @@ class Simulator:
         steps = self._whole_steps('duration', duration)
         before, water, time_step = self._state, self._parameters.water, self._parameters.solver.time_step
         mean = self._mean_current if current is None else finite_array('current', current, (3,))
-        on_body = _NO_WRENCH if body_wrench is None else finite_array('body_wrench', body_wrench, (6,))
-        in_world = _NO_WRENCH if world_wrench is None else finite_array('world_wrench', world_wrench, (6,))
-        motion = Motion(*[getattr(before, name).copy() for name in Motion._fields])
+        on_body = NO_WRENCH if body_wrench is None else wrench_of(finite_array('body_wrench', body_wrench, (6,)))
+        in_world = NO_WRENCH if world_wrench is None else wrench_of(finite_array('world_wrench', world_wrench, (6,)))
+        motion = self._motion.copy()
         at_once = max(1, LINK_STEPS_AT_ONCE // before.joint_angles.size)
         varying = any(water.current_deviation)
         deviation = before.current_deviation if varying else np.zeros(3)
         taken, time = 0, before.time
         while True:
             due = min(steps - taken, at_once, steps_left(time, time_step) if varying else steps)
-            outcome = self._take_steps(inputs(mean + deviation, on_body, in_world), motion, due)
+            outcome = self._take_steps(Inputs(tuple((mean + deviation).tolist()), on_body, in_world), motion, due)
             if outcome.failure:
                 raise self._divergence(before, taken, outcome)
             taken += due
@@ -259,18 +259,21 @@ class Simulator:
                 deviation = deviation_at(water, deviation, began, time)
             if taken == steps:
                 break
-        self._state = State.unchecked(
-            **dict(zip(Motion._fields, motion, strict=True)),
-            time=time,
-            start_time=before.start_time,
-            step_count=before.step_count + steps,
-            current_deviation=deviation,
-            servos=before.servos,
-        )
+        self._moved(motion, time=time, step_count=before.step_count + steps, current_deviation=deviation)
         self._warn_of_turn()
         return self._state
 
-    def _take_steps(self, acting: Inputs, motion: Motion, steps: int) -> Outcome:
+    def _continue_from(self, state: State) -> None:
+        self._state, self._motion = state, state.motion_values()
+
+    def _moved(self, motion: FloatArray, *, time: float, step_count: int, current_deviation: FloatArray) -> None:
+        """Continue from the values of a motion after steps; nobody else changes these."""
+        before = self._state
+        self._state, self._motion = State.unchecked(
+            motion, before.joint_angles.shape, time=time, start_time=before.start_time, step_count=step_count,
+            current_deviation=current_deviation, servos=before.servos), motion
+
+    def _take_steps(self, acting: Inputs, motion: FloatArray, steps: int) -> Outcome:
         """Take steps in place; the first call may have to compile the kernel."""
         kernel = _KERNELS[self._parameters.solver.coupling].advance
         values = self._servo_constants if self._state.servos else self._constants
@@ -393,7 +396,7 @@ def fin_dynamics(
     fin = FinState(rod_motion, wrapped, rates, twist, acceleration, np.empty(joints))
     with announced_compilation():
         force, moment = _KERNELS[parameters.solver.coupling].evaluate(
-            constants(parameters), int(side), fin, workspace(*joints))
+            constants(parameters), int(side), fin, workspace(*joints, parameters.solver.coupling == MONOLITHIC))
     wrench = np.array(force + moment)
     if not (np.isfinite(fin.joint_accelerations).all() and np.isfinite(wrench).all()):
         raise ValueError('the motion is too fast: joint accelerations or wrench are not finite')

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 import numbers
 import operator
 from collections.abc import Sequence
@@ -11,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from manta_sim_ros.dynamics._kernels.geometry import rotation_of
+from manta_sim_ros.dynamics._kernels.motion import Motion, motion_of, motion_size
 from manta_sim_ros.dynamics.parameters import Parameters, check_parameters
 from manta_sim_ros.dynamics.quantity import FloatArray, real_array, shown
 
@@ -165,14 +167,31 @@ class State:
         return sum(map(operator.mul, torques, rates))
 
     @classmethod
-    def unchecked(cls, **values: Any) -> State:
-        """Return a state of new, valid arrays that nobody else holds: without copies and without checks."""
+    def unchecked(cls, motion: FloatArray, joints: tuple[int, ...], **others: Any) -> State:
+        """Return a state without copies and without checks, of valid arrays that nobody else holds.
+
+        Parameters
+        ----------
+        motion
+            (motion_size,) all arrays of `Motion`, as `motion_of` finds them.
+        joints
+            (2, n, m).
+        others
+            All fields that are not in `Motion`.
+
+        """
         state = object.__new__(cls)
-        state.__dict__.update(values)
-        for value in values.values():
-            if isinstance(value, np.ndarray):
-                value.setflags(write=False)
+        motion.setflags(write=False)
+        others['current_deviation'].setflags(write=False)
+        fields = state.__dict__
+        fields.update(others)
+        for name, part, shape in _places(*joints[1:]):
+            fields[name] = motion[part] if shape is None else motion[part].reshape(shape)
         return state
+
+    def motion_values(self) -> FloatArray:
+        """Return all arrays of `Motion` in a new one, as `motion_of` finds them."""
+        return np.concatenate([getattr(self, name).ravel() for name in Motion._fields])
 
     @classmethod
     def at_rest(cls, parameters: Parameters) -> State:
@@ -182,6 +201,16 @@ class State:
         zeros['orientation'][3] = 1.0
         joints = np.zeros((2, fin.chains, fin.links))
         return cls(time=0.0, joint_angles=joints, joint_rates=joints, **zeros)
+
+
+@functools.lru_cache(maxsize=16)
+def _places(chains: int, links: int) -> list[tuple[str, slice, tuple[int, ...] | None]]:
+    """Return the name of each array of `Motion`, its part of their values, and its shape if that is not the part's."""
+    places = []
+    for name, array in motion_of.py_func(np.arange(motion_size(chains, links)), chains, links)._asdict().items():
+        first = int(array.flat[0])
+        places.append((name, slice(first, first + array.size), array.shape if array.ndim > 1 else None))
+    return places
 
 
 def check_shape(parameters: Parameters, state: State) -> None:

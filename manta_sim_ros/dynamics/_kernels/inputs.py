@@ -16,10 +16,9 @@ class Inputs(NamedTuple):
     world_wrench: Wrench  # components in the world frame
 
 
-def inputs(current: FloatArray, body_wrench: FloatArray, world_wrench: FloatArray) -> Inputs:
-    """Return the inputs of a call: the current (3,) and the wrenches (6,)."""
-    return Inputs(tuple(current.tolist()), _wrench(body_wrench), _wrench(world_wrench))
+NO_WRENCH = Wrench((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
 
 
-def _wrench(values: FloatArray) -> Wrench:
+def wrench_of(values: FloatArray) -> Wrench:
+    """Return the wrench of an array (6,)."""
     return Wrench(tuple(values[:3].tolist()), tuple(values[3:].tolist()))

@@ -6,7 +6,7 @@ pads a row repeats the last chain.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -123,7 +123,7 @@ class Workspace(NamedTuple):
     kept: FloatArray  # (2, k, links, row), the first k fields of `Links` for each fin
     shared: FloatArray  # (fields - k, links, row), the other fields
     chains: FloatArray  # (fields of `Chains`, row)
-    body: BodyArrays
+    body: Any  # BodyArrays; None for the staggered coupling, as each array costs a call time
 
 
 def row_length(chains: int) -> int:
@@ -138,7 +138,7 @@ def stations(chains: int, support_length: float) -> FloatArray:
     return np.concatenate((inside, np.full(row_length(chains) - chains, inside[-1])))
 
 
-def workspace(chains: int, links: int) -> Workspace:
+def workspace(chains: int, links: int, monolithic: bool) -> Workspace:
     """Return new memory, all zero: what a simulation without added mass never writes must stay so."""
     row = row_length(chains)
     vector, matrix = (6,), (6, 6)
@@ -148,13 +148,13 @@ def workspace(chains: int, links: int) -> Workspace:
         chains=aligned_zeros((len(Chains._fields), row)),
         body=BodyArrays(*map(np.zeros, (
             (1, 13), (1, 13), (1, 13), (1, 13), vector, vector, matrix, matrix,
-            (2, 6, 6), (2, 6), (2, 6, 6), (2, 6), (2, 3), matrix, vector))),
+            (2, 6, 6), (2, 6), (2, 6, 6), (2, 6), (2, 3), matrix, vector))) if monolithic else None,
     )
 
 
 def packed_workspace(row: int, links: int) -> Workspace:
     """Return new memory for one fin whose rows have this length, for the staggered coupling."""
-    return workspace(2, 1)._replace(
+    return workspace(2, 1, monolithic=False)._replace(
         kept=aligned_zeros((1, _KEPT, links, row)),
         shared=aligned_zeros((len(Links._fields) - _KEPT, links, row)),
         chains=aligned_zeros((len(Chains._fields), row)),

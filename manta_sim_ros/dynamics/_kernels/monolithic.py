@@ -58,6 +58,7 @@ from manta_sim_ros.dynamics._kernels.motion import (
     diverged_chain,
     gait_of,
     load_joints,
+    motion_of,
     store_joints,
     store_rods,
     store_wrench,
@@ -84,7 +85,7 @@ from manta_sim_ros.dynamics._kernels.waterline import (
     weight_along_support,
     with_parts,
 )
-from manta_sim_ros.dynamics.quantity import Vector
+from manta_sim_ros.dynamics.quantity import FloatArray, Vector
 
 MIRROR = (1.0, -1.0, 1.0, -1.0, 1.0, -1.0)
 """Signs of the components of a twist or wrench in the mirror y = 0."""
@@ -210,16 +211,16 @@ def _step(constants: Constants, inputs: Inputs, motion: Motion, work: Workspace)
 
 @entry_kernel
 def advance(
-    constants: Constants, inputs: Inputs, motion: Motion, work: Workspace, steps: int,
+    constants: Constants, inputs: Inputs, values: FloatArray, work: Workspace, steps: int,
 ) -> tuple[int, int, int, int]:
-    """Take `steps` steps in place; return the fields of an `Outcome`.
+    """Take `steps` steps in place; return the fields of an `Outcome`. The motion lies in `values`.
 
     Acceleration and wrenches are then those of the state that the steps end in.
     """
     if steps == 0:
         return 0, 0, 0, 0
     fin, arrays = constants.fin, work.body
-    state = arrays.state[0]
+    motion, state = motion_of(values, fin.chains, work.kept.shape[2]), arrays.state[0]
     for i in range(3):
         state[i] = motion.position[i]
     for i in range(4):

@@ -23,14 +23,12 @@ FASTEST = 1e3
 
 
 class Motion(NamedTuple):
-    """The state of a simulation; fields as in `State`."""
+    """The state of a simulation; fields as in `State`, in the order in which `motion_of` finds them."""
 
     position: FloatArray  # (3,)
     orientation: FloatArray  # (4,), x, y, z, w
     twist: FloatArray  # (6,)
     acceleration: FloatArray  # (6,)
-    joint_angles: FloatArray  # (2, n, m)
-    joint_rates: FloatArray  # (2, n, m)
     gait: FloatArray  # (2, 5)
     gait_rates: FloatArray  # (2, 5)
     gait_commands: FloatArray  # (2, 5)
@@ -39,6 +37,8 @@ class Motion(NamedTuple):
     fin_wrenches: FloatArray  # (2, 6)
     rod_rates: FloatArray  # (2, 2)
     rod_torques: FloatArray  # (2, 2)
+    joint_angles: FloatArray  # (2, n, m)
+    joint_rates: FloatArray  # (2, n, m)
 
 
 class FinState(NamedTuple):
@@ -59,6 +59,27 @@ class Outcome(NamedTuple):
     failure: int  # 0, or one of the constants above
     side: int  # of the joint that failed
     chain: int  # of the joint that failed
+
+
+FIXED_SIZE = 75
+"""Sum of the sizes of the arrays of `Motion` but for the joints."""
+
+
+def motion_size(chains: int, links: int) -> int:
+    """Return the sum of the sizes of all arrays of `Motion`."""
+    return FIXED_SIZE + 4 * chains * links
+
+
+@kernel
+def motion_of(values: FloatArray, chains: int, links: int) -> Motion:
+    """Return the motion that lies in one array (motion_size,), in the same memory."""
+    a, first, second = values, FIXED_SIZE, FIXED_SIZE + 2 * chains * links
+    return Motion(
+        a[0:3], a[3:7], a[7:13], a[13:19], a[19:29].reshape((2, 5)), a[29:39].reshape((2, 5)),
+        a[39:49].reshape((2, 5)), a[49:51], a[51:55].reshape((2, 2)), a[55:67].reshape((2, 6)),
+        a[67:71].reshape((2, 2)), a[71:75].reshape((2, 2)), a[first:second].reshape((2, chains, links)),
+        a[second:].reshape((2, chains, links)),
+    )
 
 
 @kernel

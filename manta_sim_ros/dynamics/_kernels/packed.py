@@ -202,9 +202,9 @@ class _BodyStep(NamedTuple):
 def _motion_of(a: Motion, robot: int) -> Motion:
     """Return the motion of one robot."""
     return Motion(
-        a.position[robot], a.orientation[robot], a.twist[robot], a.acceleration[robot], a.joint_angles[robot],
-        a.joint_rates[robot], a.gait[robot], a.gait_rates[robot], a.gait_commands[robot], a.cycle_angles[robot],
-        a.rod_angles[robot], a.fin_wrenches[robot], a.rod_rates[robot], a.rod_torques[robot])
+        a.position[robot], a.orientation[robot], a.twist[robot], a.acceleration[robot], a.gait[robot],
+        a.gait_rates[robot], a.gait_commands[robot], a.cycle_angles[robot], a.rod_angles[robot], a.fin_wrenches[robot],
+        a.rod_rates[robot], a.rod_torques[robot], a.joint_angles[robot], a.joint_rates[robot])
 
 
 @kernel
@@ -476,11 +476,12 @@ def pack_of(robots: list[tuple[Constants, FloatArray, Motion]]) -> Pack:
     return pack
 
 
-def motions_of(pack: Pack) -> list[Motion]:
-    """Return the motion of each robot, in new arrays."""
+def motions_of(pack: Pack) -> list[FloatArray]:
+    """Return the motion of each robot, as in `motion_of`, in new arrays."""
     for table, joints in _joints(pack):
         joints[:] = table.transpose(3, 2, 1, 0)
-    return [Motion(*(field[robot].copy() for field in pack.motion)) for robot in range(ROBOTS)]
+    values = np.concatenate([field.reshape(ROBOTS, -1) for field in pack.motion], axis=1)
+    return [values[robot].copy() for robot in range(ROBOTS)]
 
 
 def _joints(pack: Pack) -> list[tuple[FloatArray, FloatArray]]:

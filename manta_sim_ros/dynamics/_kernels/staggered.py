@@ -44,6 +44,7 @@ from manta_sim_ros.dynamics._kernels.motion import (
     diverged_chain,
     gait_of,
     load_joints,
+    motion_of,
     store_joints,
     store_rods,
     store_wrench,
@@ -67,7 +68,7 @@ from manta_sim_ros.dynamics._kernels.waterline import (
     weight_along_support,
     with_parts,
 )
-from manta_sim_ros.dynamics.quantity import Vector
+from manta_sim_ros.dynamics.quantity import FloatArray, Vector
 
 
 @kernel
@@ -161,11 +162,12 @@ def step_body(
 
 @entry_kernel
 def advance(
-    constants: Constants, inputs: Inputs, motion: Motion, work: Workspace, steps: int,
+    constants: Constants, inputs: Inputs, values: FloatArray, work: Workspace, steps: int,
 ) -> tuple[int, int, int, int]:
-    """Take `steps` steps in place; return the fields of an `Outcome`."""
+    """Take `steps` steps in place; return the fields of an `Outcome`. The motion lies in `values`."""
     if steps == 0:
         return 0, 0, 0, 0
+    motion = motion_of(values, constants.fin.chains, work.kept.shape[2])
     load_joints(motion, work)
     for step in range(steps):
         surface = surface_at_body(constants, motion.position[2], rotation_of(motion.orientation))
