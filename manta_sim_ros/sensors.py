@@ -239,7 +239,8 @@ def read_imu(imu: Imu, parameters: Parameters, state: State) -> ImuReading:
             + np.cross(angular_velocity, np.cross(angular_velocity, arm)))).tolist()
         angular_velocity = (to_imu @ angular_velocity).tolist()
         orientation = (Rotation.from_quat(orientation) * imu.rotation).as_quat().tolist()
-    acceleration_bias, angular_velocity_bias = imu.acceleration_bias, imu.angular_velocity_bias
+    acceleration_bias: Sequence[float] | FloatArray = imu.acceleration_bias
+    angular_velocity_bias: Sequence[float] | FloatArray = imu.angular_velocity_bias
     if imu.acceleration_bias_walk or imu.angular_velocity_bias_walk:
         walk = random_walk(imu.seed, IMU_BIAS_STREAM, state.time - state.start_time, 6)
         acceleration_bias = acceleration_bias + imu.acceleration_bias_walk * walk[:3]
@@ -251,7 +252,9 @@ def read_imu(imu: Imu, parameters: Parameters, state: State) -> ImuReading:
     )
 
 
-def _read(true: Sequence[float], bias: Sequence[float], deviation: float, noise: Sequence[float]) -> FloatArray:
+def _read(
+    true: Sequence[float], bias: Sequence[float] | FloatArray, deviation: float, noise: Sequence[float],
+) -> FloatArray:
     return np.array([
         value + offset + deviation * number for value, offset, number in zip(true, bias, noise, strict=True)])
 

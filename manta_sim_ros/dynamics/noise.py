@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 
@@ -16,8 +17,6 @@ LONGEST_WALK = 2.0**32
 
 _PHILOX = np.random.Philox(key=0)  # set to each seed and moment: to make a new one takes ten times as long
 _RANDOM = np.random.Generator(_PHILOX)
-_START = {'bit_generator': 'Philox', 'buffer': (0, 0, 0, 0), 'buffer_pos': 4, 'has_uint32': 0, 'uinteger': 0}
-"""The other values of its state, with nothing drawn. NumPy reads numbers of Python in half the time of its own."""
 
 
 def gaussian_noise(seed: int, stream: int, moment: int, count: int) -> FloatArray:
@@ -35,8 +34,11 @@ def gaussian_noise(seed: int, stream: int, moment: int, count: int) -> FloatArra
         How many numbers.
 
     """
+    state: Any = {  # numbers of Python, which NumPy reads in half the time of its own
+        'bit_generator': 'Philox', 'state': {'counter': (0, 0, stream, moment % 2**64), 'key': (seed, 0)},
+        'buffer': (0, 0, 0, 0), 'buffer_pos': 4, 'has_uint32': 0, 'uinteger': 0}
     with _PHILOX.lock:  # threads share the generator
-        _PHILOX.state = {**_START, 'state': {'counter': (0, 0, stream, moment % 2**64), 'key': (seed, 0)}}
+        _PHILOX.state = state
         return _RANDOM.standard_normal(count)
 
 

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import contextlib
 import gc
+import math
 import os
 import sys
 import threading
+import time
 from collections.abc import Callable
 from typing import TypeVar
 
@@ -122,6 +124,24 @@ def executor(context: Context) -> Executor:
     except ImportError:  # of the first releases of Jazzy
         return SingleThreadedExecutor(context=context)
     return EventsExecutor(context=context)
+
+
+def run_waiting(callbacks: Executor, until: float = math.inf) -> bool:
+    """Run the callbacks of what was received until now, and not of what comes meanwhile; return whether that is all.
+
+    It goes on until a steady time [s]. An executor that is told what is ready runs it in the order in which it came, so
+    that a service that is called behind thousands of messages has its turn after all of them. The single-threaded one
+    runs one callback.
+    """
+    if isinstance(callbacks, SingleThreadedExecutor):
+        callbacks.spin_once(timeout_sec=0.0)
+        return True
+    last = callbacks.create_task(lambda: None)
+    while not last.done() and rclpy.ok(context=callbacks.context):
+        if time.monotonic() > until:
+            return False
+        callbacks.spin_once(timeout_sec=0.0)
+    return True
 
 
 def _or_exit(begin: Callable[[], Started]) -> Started:

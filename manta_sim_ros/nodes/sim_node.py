@@ -6,6 +6,7 @@ import importlib
 import math
 import time
 import warnings
+from collections.abc import Callable, Iterable
 from typing import Any
 
 import numpy as np
@@ -13,13 +14,17 @@ from diagnostic_msgs.msg import DiagnosticArray
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.context import Context
 from rclpy.exceptions import ParameterNotDeclaredException
+from rclpy.executors import Executor
 from rclpy.parameter import Parameter
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 
 from manta_sim_ros.dynamics import (
+    FinCommand,
+    FloatArray,
     ModelWarning,
     StabilityWarning,
+    State,
     body_warning,
     compile_kernels,
     immersed_shares,
@@ -32,7 +37,7 @@ from manta_sim_ros.nodes.disturbances import Disturbances
 from manta_sim_ros.nodes.leader_clock import FOLLOWS, LeaderClock
 from manta_sim_ros.nodes.outputs import Outputs
 from manta_sim_ros.nodes.parameters import ParameterNode, declare, set_values
-from manta_sim_ros.nodes.process import executor, run_node
+from manta_sim_ros.nodes.process import executor, run_node, run_waiting
 from manta_sim_ros.nodes.qos import Input, publisher
 from manta_sim_ros.nodes.refusals import Refusals
 from manta_sim_ros.nodes.robot import Robot
@@ -45,8 +50,8 @@ PACE_WARNING_PERIOD = 5.0
 CLOCK_WARNING_PERIOD = 10.0
 STEP_WARNING_PERIOD = 10.0
 DIVERGENCE_ERROR_PERIOD = 1.0
-LISTENING_SHARE = 0.1  # of the time of a tick: for callbacks if the next tick is due at once
 LONGEST_WAIT = 0.1  # s
+LONGEST_LISTENING = 0.005  # s, to what came before: then commands replace each other, so that time goes on
 
 
 class SimNode(ParameterNode):
@@ -77,6 +82,8 @@ class SimNode(ParameterNode):
         self._parameter_refusals = Refusals(self.get_logger().warning, 'parameters', 'nothing changes')
         self._step_warning, self._step_warning_due = '', -math.inf
         self._body_warned = self._turn_warned = False
+        self._keeps = False  # commands, as too many came
+        self._kept: dict[Callable[[Any], None], Any] = {}  # the last commands, by who takes them
         self._next_tick = math.inf  # steady time [s], as all that is due
         self._report_due = time.monotonic() + REPORT_PERIOD
         self._computing = 0.0  # elapsed time in ticks since the last diagnostics [s]
@@ -90,7 +97,7 @@ class SimNode(ParameterNode):
         self._rod_commands = Input(self, 'rod_command', self._take_rod_command)
         self._disturbances = Disturbances(self, self._robot, lambda: self._settings)
         self._time = TimeControl(
-            self, self._robot, lambda: self._settings, self._leader, self._outputs.publish_all, self._set_pace,
+            self, self._robot, lambda: self._settings, self._leader, self._publish_steps, self._set_pace,
             self._forget_inputs)
         self._offers_standard_services = self._offer_standard_services()
         self.add_on_set_parameters_callback(self._check_parameters)
@@ -137,20 +144,35 @@ class SimNode(ParameterNode):
         callbacks = executor(self.context)
         callbacks.add_node(self)
         while self.context.ok():
-            began = listen_until = time.monotonic()
+            began = time.monotonic()
             if self._time_to_tick(began) <= 0.0:
                 self._tick()
-                done = self._ticked_at = time.monotonic()
-                self._computing += done - began
-                self._next_tick = max(self._next_tick + self._tick_period, done)  # delays are not caught up
-                if self._time_to_tick(done) <= 0.0:
-                    listen_until = done + LISTENING_SHARE * (done - began)
+                self._ticked_at = time.monotonic()
+                self._computing += self._ticked_at - began
+                self._next_tick = max(self._next_tick + self._tick_period, self._ticked_at)  # does not catch up
             elif self._time.paused or self._leader.stands_still:
                 self._stand_still()
-            self._report()
-            callbacks.spin_once(timeout_sec=min(max(0.0, self._time_to_tick(time.monotonic())), LONGEST_WAIT))
-            while time.monotonic() < listen_until:
-                callbacks.spin_once(timeout_sec=0.0)
+                self._listen(callbacks)
+            if self._report():
+                self._listen(callbacks)  # to what comes faster than one by one
+            wait = self._time_to_tick(time.monotonic())
+            if wait > 0.0:
+                callbacks.spin_once(timeout_sec=min(wait, LONGEST_WAIT))
+            else:
+                self._listen(callbacks)
+
+    def _listen(self, callbacks: Executor) -> None:
+        """Run the callbacks of all that was received; of too many commands, take the last ones only."""
+        if not run_waiting(callbacks, time.monotonic() + LONGEST_LISTENING):
+            self._keeps = True
+            run_waiting(callbacks)
+            self._take_kept()
+            self._keeps = False
+
+    def _publish_steps(self, states: Iterable[State]) -> None:
+        """Publish the outputs of steps, which are taken meanwhile, after the commands that came before."""
+        self._take_kept()
+        self._outputs.publish_all(states)
 
     def _time_to_tick(self, now: float) -> float:
         """Return the elapsed time until the next tick is due [s]; infinite while simulated time stands still."""
@@ -180,8 +202,15 @@ class SimNode(ParameterNode):
 
     def _take_command(self, message: Float64MultiArray) -> None:
         try:
-            left, right = messages.commands_of(message)
-            self._robot.command(left, right)
+            commands = messages.commands_of(message)
+        except ValueError as error:
+            self._refusals.add(error)
+        else:
+            self._now_or_last(self._command, commands)
+
+    def _command(self, commands: tuple[FinCommand, FinCommand]) -> None:
+        try:
+            self._robot.command(*commands)
         except ValueError as error:
             self._refusals.add(error)
         else:
@@ -189,15 +218,37 @@ class SimNode(ParameterNode):
 
     def _take_rod_command(self, message: JointState) -> None:
         try:
-            angles = messages.rod_command(message, self._robot.rod_targets)
+            angles = messages.rod_command(message, self._kept.get(self._command_rods, self._robot.rod_targets))
+        except ValueError as error:
+            self._rod_refusals.add(error)
+        else:
+            self._now_or_last(self._command_rods, angles)
+
+    def _command_rods(self, angles: FloatArray) -> None:
+        try:
             if self._robot.command_rods(angles):
                 self._held.add(f'{angles.tolist()} rad, and {self._robot.rod_targets.tolist()} rad is in force')
         except ValueError as error:
             self._rod_refusals.add(error)
 
+    def _now_or_last(self, take: Callable[[Any], None], values: Any) -> None:
+        """Take a command, or keep it in place of the one before if too many came."""
+        if self._keeps:
+            self._kept.pop(take, None)
+            self._kept[take] = values
+        else:
+            take(values)
+
+    def _take_kept(self) -> None:
+        """Take the commands that were kept, in the order in which they came."""
+        kept, self._kept = self._kept, {}
+        for take, values in kept.items():
+            take(values)
+
     def _forget_inputs(self) -> None:
         self._commands.drain()
         self._rod_commands.drain()
+        self._kept.clear()
         self._disturbances.forget()
 
     def _warn_of_step(self) -> None:
@@ -225,11 +276,14 @@ class SimNode(ParameterNode):
         self._window_began = self._ticked_at, self._robot.state.time
         self._computing = 0.0
 
-    def _report(self) -> None:
-        """Once a second, publish diagnostics, and warn of a machine that is too slow and of clocks."""
+    def _report(self) -> bool:
+        """Once a second, publish diagnostics, and warn of a machine that is too slow and of clocks.
+
+        Return whether that was now.
+        """
         now = time.monotonic()
         if now < self._report_due:
-            return
+            return False
         self._report_due = now + REPORT_PERIOD
         health = self._health()
         if not math.isnan(health.reached_factor):
@@ -252,6 +306,7 @@ class SimNode(ParameterNode):
                 'another node publishes /clock too: start all simulators but one with publish_clock false',
                 throttle_duration_sec=CLOCK_WARNING_PERIOD,
             )
+        return True
 
     def _health(self) -> Health:
         model, robot, leader = self._settings.model, self._robot, self._leader

@@ -102,8 +102,11 @@ def states():
 def test_each_message_is_byte_for_byte_what_rclpy_serializes(topic, odom, states):
     for base in ('b', 'manta_1/base_link', odom + '_2'):
         template = templates(odom, base)[topic]
+        numbers_of = template._numbers_of
         for state, stamp in zip([*states, *states], STAMPS + STAMPS):
             source = state.twist[:3] if topic == 'velocity' else state
+            numbers = numbers_of(source)  # once: the sign of a sum that is not a number is chance
+            template._numbers_of = lambda source, numbers=numbers: numbers
             written, message = template.write(stamp, source), template.message(stamp, source)
             expected, padding = cdr(message)
             assert isinstance(written, bytes)  # the numbers were found
