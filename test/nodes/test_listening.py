@@ -18,10 +18,8 @@ from manta_sim_ros.nodes.sim_node import LONGEST_LISTENING, SimNode
 class Queue:
     """An executor that runs what came first, and to which one more comes with each that it runs."""
 
-    context = rclpy.get_default_context()
-
-    def __init__(self, came, comes=lambda: None):
-        self.waiting, self._comes = collections.deque(came), comes
+    def __init__(self, context, came, comes=lambda: None):
+        self.context, self.waiting, self._comes = context, collections.deque(came), comes
 
     def create_task(self, callback):
         done = []
@@ -36,8 +34,7 @@ class Queue:
 
 def test_all_that_waits_is_run_however_much_comes_meanwhile(probe):
     ran = []
-    queue = Queue([lambda k=k: ran.append(k) for k in range(1000)], lambda: ran.append('late'))
-    queue.context = probe.node.context
+    queue = Queue(probe.node.context, [lambda k=k: ran.append(k) for k in range(1000)], lambda: ran.append('late'))
     assert run_waiting(queue)
     assert ran == list(range(1000))
     assert len(queue.waiting) == 1001  # one came with each, and with the end
@@ -47,8 +44,7 @@ def test_it_ends_at_its_time_and_leaves_the_rest(probe, monkeypatch):
     times = itertools.count()
     monkeypatch.setattr('time.monotonic', lambda: float(next(times)))
     ran = []
-    queue = Queue([lambda k=k: ran.append(k) for k in range(1000)])
-    queue.context = probe.node.context
+    queue = Queue(probe.node.context, [lambda k=k: ran.append(k) for k in range(1000)])
     assert not run_waiting(queue, 9.0)
     assert ran == list(range(10))
 
@@ -91,7 +87,7 @@ def test_the_single_threaded_executor_runs_one_of_what_is_ready(monkeypatch):
 
 
 @pytest.fixture
-def node(monkeypatch):
+def node():
     context = rclpy.Context()
     rclpy.init(context=context, args=['--ros-args', '-r', '__ns:=/overwhelmed', '-r', '/clock:=clock'])
     node = SimNode(context)
@@ -113,8 +109,7 @@ def amplitude(node):
 def test_of_too_many_commands_the_last_valid_one_counts(node, monkeypatch):
     taken = []
     monkeypatch.setattr(node._robot, 'command', lambda left, right: taken.append(left.amplitude))
-    queue = Queue([lambda message=message: node._take_command(message) for message in commands(50)])
-    queue.context = node.context
+    queue = Queue(node.context, [lambda message=message: node._take_command(message) for message in commands(50)])
     times = itertools.count(0.0, LONGEST_LISTENING / 10)
     monkeypatch.setattr('time.monotonic', lambda: next(times))
     node._listen(queue)

@@ -148,9 +148,11 @@ def swim(module_launch, probe, tmp_path_factory):
         assert recorder.end() == 0, recorder.output
     recorded, messages = read(recorder.bag)
     assert recorded == types
-    clock = messages[topics['clock']]  # repeated once a second of elapsed time while simulated time stands still
-    messages[topics['clock']] = [message for k, message in enumerate(clock)
-                                 if k == 0 or stamp(message) != stamp(clock[k - 1])]
+    clock = messages[topics['clock']]
+    repeated = [k for k in range(1, len(clock)) if stamp(clock[k]) == stamp(clock[k - 1])]
+    # Only where simulated time stands still is it repeated, once a second of elapsed time.
+    assert [stamp(clock[k]) for k in repeated if stamp(clock[k]) % round(STEP * SECOND)] == []
+    messages[topics['clock']] = [message for k, message in enumerate(clock) if k not in repeated]
     return {
         topic: [message for message in messages[name] if stamp(message) > began] for topic, name in topics.items()
     }, began
