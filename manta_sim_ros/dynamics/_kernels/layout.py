@@ -13,11 +13,11 @@ import numpy as np
 from manta_sim_ros.dynamics._kernels.compilation import kernel
 from manta_sim_ros.dynamics.quantity import FloatArray
 
-LANES = 16
-"""A row is as long as the next multiple of this many chains."""
+LANES = 4
+"""A row is as long as the next multiple of this many chains, the numbers that a vector unit takes at once."""
 
 _ALIGNMENT = 64
-"""Of rows in memory [bytes]: what crosses a cache line costs a twentieth of the speed."""
+"""Of the first row in memory [bytes]: what crosses a cache line costs a twentieth of the speed."""
 
 
 class Links(NamedTuple):
