@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import dataclasses
 import math
 import numbers
@@ -13,7 +12,7 @@ from types import ModuleType
 import numpy as np
 
 from manta_sim_ros.dynamics._kernels import monolithic, staggered
-from manta_sim_ros.dynamics._kernels.compilation import announced_compilation
+from manta_sim_ros.dynamics._kernels.compilation import announced_compilation, machine_code
 from manta_sim_ros.dynamics._kernels.constants import constants, with_servos
 from manta_sim_ros.dynamics._kernels.inputs import NO_WRENCH, Inputs, wrench_of
 from manta_sim_ros.dynamics._kernels.layout import workspace
@@ -47,7 +46,10 @@ WHOLE_STEPS_TOLERANCE = 1e-6
 LINK_STEPS_AT_ONCE = 5_000_000
 """Steps times links in one compiled call, about a second of computing: Ctrl-C takes effect between two calls."""
 
+_NO_DEVIATION = np.zeros(3)  # of the current
 _KERNELS: dict[str, ModuleType] = {SEQUENTIAL: staggered, MONOLITHIC: monolithic}
+_advance: dict[str, Callable[..., tuple[int, int, int, int]]] = {}
+"""The machine code that takes steps with each coupling: the types of its arguments are the same in all simulators."""
 
 
 class DivergenceError(ValueError):
@@ -76,7 +78,6 @@ class Simulator:
 
     _step_too_large = False  # for the gaits of the last command
     _turn_warning: str | None = None
-    _compiled = False
 
     def __init__(self, parameters: Parameters | None = None, state: State | None = None) -> None:
         self._parameters = Parameters() if parameters is None else parameters
@@ -246,11 +247,12 @@ class Simulator:
         motion = self._motion.copy()
         at_once = max(1, LINK_STEPS_AT_ONCE // before.joint_angles.size)
         varying = any(water.current_deviation)
-        deviation = before.current_deviation if varying else np.zeros(3)
+        deviation = before.current_deviation if varying else _NO_DEVIATION
         taken, time = 0, before.time
         while True:
             due = min(steps - taken, at_once, steps_left(time, time_step) if varying else steps)
-            outcome = self._take_steps(Inputs(tuple((mean + deviation).tolist()), on_body, in_world), motion, due)
+            water_velocity = mean + deviation if varying else mean
+            outcome = self._take_steps(Inputs(tuple(water_velocity.tolist()), on_body, in_world), motion, due)
             if outcome.failure:
                 raise self._divergence(before, taken, outcome)
             taken += due
@@ -274,13 +276,14 @@ class Simulator:
             current_deviation=current_deviation, servos=before.servos), motion
 
     def _take_steps(self, acting: Inputs, motion: FloatArray, steps: int) -> Outcome:
-        """Take steps in place; the first call may have to compile the kernel."""
-        kernel = _KERNELS[self._parameters.solver.coupling].advance
+        """Take steps in place; the first call with a coupling may have to compile its kernel."""
+        coupling = self._parameters.solver.coupling
         values = self._servo_constants if self._state.servos else self._constants
-        with contextlib.nullcontext() if self._compiled else announced_compilation():
-            outcome = Outcome(*kernel(values, acting, motion, self._workspace, steps))
-        self._compiled = True
-        return outcome
+        arguments = values, acting, motion, self._workspace, steps
+        if coupling not in _advance:
+            with announced_compilation():
+                _advance[coupling] = machine_code(_KERNELS[coupling].advance, *arguments)
+        return Outcome(*_advance[coupling](*arguments))
 
     @property
     def turn_warning(self) -> str | None:
@@ -299,7 +302,8 @@ class Simulator:
     def _whole_steps(self, name: str, duration: float) -> int:
         time_step = self._parameters.solver.time_step
         longest = MOST_STEPS * time_step
-        if isinstance(duration, bool) or not isinstance(duration, numbers.Real) or not 0.0 <= duration <= longest:
+        real = isinstance(duration, (float, numbers.Real)) and not isinstance(duration, bool)  # the faster one first
+        if not (real and 0.0 <= duration <= longest):
             raise ValueError(f'{name} is {shown(duration)}, but must be a number from 0 to {longest:g} s')
         steps = round(duration / time_step)
         if abs(duration / time_step - steps) > WHOLE_STEPS_TOLERANCE:

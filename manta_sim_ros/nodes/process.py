@@ -96,9 +96,11 @@ def run_node(
         check_arguments(make, arguments)
         made = node = finishing = _or_exit(make)
         warn_of_parameters_for_others(made, arguments)
-        for phase in (start, spin):
-            if not interrupted:
-                phase(made)
+        if not interrupted:
+            start(made)
+            gc.freeze()  # the garbage collector need not look again at what was imported and made
+        if not interrupted:
+            spin(made)
     except (KeyboardInterrupt, ExternalShutdownException):
         pass
     except (Exception, SystemExit):

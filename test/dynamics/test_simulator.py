@@ -1,15 +1,25 @@
 """The simulator keeps the promises of its interface, whatever it is asked."""
 
+import copy
 import dataclasses
 import inspect
 import math
 
+import numba
 import numpy as np
 import pytest
 
 from evidence.scenarios import SWIM, TURN, assert_same_bits, bits, sized
 from manta_sim_ros import dynamics
-from manta_sim_ros.dynamics import FinCommand, Parameters, Simulator, State, fin_dynamics
+from manta_sim_ros.dynamics import (
+    MONOLITHIC,
+    SEQUENTIAL,
+    FinCommand,
+    Parameters,
+    Simulator,
+    State,
+    fin_dynamics,
+)
 
 
 def swimming(parameters, time=0.5):
@@ -172,3 +182,26 @@ def test_every_parameter_has_an_effect():
                 result = bits_after_a_swim(base.replace(**{group: {name: other}}))
                 assert any(result[part] != reference[part] for part in ('position', 'orientation', 'twist')), (
                     f'{group}.{name} = {other}')
+
+
+@pytest.mark.parametrize('coupling', [SEQUENTIAL, MONOLITHIC])
+def test_the_kernel_gets_values_of_the_same_types_in_all_simulators(monkeypatch, coupling):
+    """Nothing looks at them in a call."""
+    types, whole = [], Parameters().replace(
+        fin={'chains': np.int32(3), 'span': 1, 'joint_damping': 0}, rods={'rear_motor_position': [0, -1, 0]},
+        body={'mass': 20, 'inertia': np.array([1, 2, 2])}, water={'current': (0, 0, 0), 'density': np.int64(1000)},
+        solver={'coupling': coupling, 'fixed_base': True, 'time_step': np.float32(0.001)})
+
+    def code(*arguments):
+        types.append(tuple(map(numba.typeof, arguments)))
+        return 1, 0, 0, 0
+
+    monkeypatch.setattr('manta_sim_ros.dynamics.simulator._advance', {coupling: code})
+    for parameters in (sized(12, 3, solver={'coupling': coupling}), whole):
+        step = parameters.solver.time_step
+        for simulator in (Simulator(parameters), copy.deepcopy(Simulator(parameters))):
+            simulator.advance(step)
+            simulator.advance(np.float64(step), current=np.zeros(3, np.float32), body_wrench=[0, 0, 0, 0, 0, 1])
+            simulator.command_rods(left=(0, 0), right=(0, 0))
+            simulator.advance(step)
+    assert len(types) == 12 and len(set(types)) == 1

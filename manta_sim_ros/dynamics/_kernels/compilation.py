@@ -65,6 +65,16 @@ def entry_kernel(function: Callable[..., Any]) -> Any:
     return compiled
 
 
+def machine_code(entry: Any, *arguments: Any) -> Callable[..., Any]:
+    """Return the machine code of an entry kernel for arguments of the types of these, compiled or loaded if need be.
+
+    To call it saves the look at the type of every value in every tuple, which costs more than a step of a small robot.
+    Nothing checks then that the arguments of the next calls have these types.
+    """
+    code: Callable[..., Any] = entry.compile(tuple(map(numba.typeof, arguments)))
+    return code
+
+
 SOURCE_DIGEST = hashlib.sha256(
     b''.join(path.read_bytes() for path in sorted(Path(__file__).parent.glob('*.py')))).hexdigest()
 """Of all source files of this folder."""
