@@ -62,7 +62,7 @@ class FinCommand(ParameterGroup):
 
     def as_array(self) -> FloatArray:
         """Return amplitude, frequency, phase, front bias, rear bias as an array (5,)."""
-        return np.array(dataclasses.astuple(self))
+        return np.array((self.amplitude, self.frequency, self.phase, self.front_bias, self.rear_bias))
 
 
 REST = FinCommand(amplitude=0.0, frequency=0.0, phase=0.0)

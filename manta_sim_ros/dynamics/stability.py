@@ -185,7 +185,13 @@ def _step_of_larger_gaits(parameters: Parameters, left: FinCommand, right: FinCo
     amplitude, frequency = (
         math.ceil(max(getattr(left, name), getattr(right, name)) / cell) * cell
         for name, cell in (('amplitude', AMPLITUDE_CELL), ('frequency', FREQUENCY_CELL)))
-    gaits = (FinCommand(min(amplitude, 0.5 * math.pi), min(frequency, HIGHEST_FREQUENCY), phase) for phase in PHASES)
+    return _step_of_phases(parameters, min(amplitude, 0.5 * math.pi), min(frequency, HIGHEST_FREQUENCY))
+
+
+@functools.lru_cache(maxsize=512)
+def _step_of_phases(parameters: Parameters, amplitude: float, frequency: float) -> float:
+    """Return the smallest of the largest stable steps [s] of gaits of both fins with some phases."""
+    gaits = (FinCommand(amplitude, frequency, phase) for phase in PHASES)
     return min(_largest_stable_step(parameters, gait, gait) for gait in gaits)
 
 
