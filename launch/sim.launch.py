@@ -185,8 +185,8 @@ def recorder(namespace, bag):
     if Path(bag).exists():
         raise RuntimeError(f'bag is {bag!r}, but that exists already')
     return ExecuteProcess(
-        cmd=['ros2', 'bag', 'record', '--use-sim-time', '--disable-keyboard-controls', '--storage', 'mcap',
-             '--output', bag, '--node-name', recorder_name(namespace),
+        cmd=['ros2', 'bag', 'record', '--use-sim-time', '--disable-keyboard-controls', '--include-unpublished-topics',
+             '--storage', 'mcap', '--output', bag, '--node-name', recorder_name(namespace),
              '--topics', *(topic if topic.startswith('/') else f'{namespace}/{topic}' for topic in RECORDED)],
         output='screen')
 

@@ -6,7 +6,7 @@
     python ros2_command.py topic echo TOPIC --field FIELD
     python ros2_command.py service call SERVICE TYPE VALUES
     python ros2_command.py param set NODE NAME VALUE
-    python ros2_command.py bag record --storage mcap --output DIRECTORY --topics TOPIC ...
+    python ros2_command.py bag record --include-unpublished-topics --storage mcap --output DIRECTORY --topics ...
 """
 
 import importlib
@@ -24,7 +24,7 @@ from ament_index_python.packages import get_package_prefix, get_package_share_di
 from rcl_interfaces.srv import SetParameters
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.parameter import Parameter
-from rclpy.qos import QoSProfile
+from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.signals import SignalHandlerOptions
 from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
@@ -78,13 +78,13 @@ def record(node, output, topics):
             connection = writer.add_connection(topic, kind, typestore=types)
             return named(kind), lambda data: writer.write(connection, time.time_ns(), data), {'raw': True}
 
-        subscribe(node, topics, entry)
+        subscribe(node, topics, entry, unpublished=True)
 
 
-def subscribe(node, topics, entry):
+def subscribe(node, topics, entry, unpublished=False):
     """Subscribe to each topic as soon as it has a publisher, as `entry` says of topic and type; until Ctrl-C.
 
-    What was received before Ctrl-C is taken.
+    With `unpublished`, another subscriber is enough. What was received before Ctrl-C is taken.
     """
     ended, idle = threading.Event(), threading.Event()
     signal.signal(signal.SIGINT, lambda *_: ended.set())
@@ -93,14 +93,15 @@ def subscribe(node, topics, entry):
     awaited = set(topics)
     while not ended.is_set():
         for topic in sorted(awaited):
-            if publishers := node.get_publishers_info_by_topic(topic):
-                kind, take, options = entry(topic, publishers[0].topic_type)
+            publishers = node.get_publishers_info_by_topic(topic)
+            if known := publishers or (node.get_subscriptions_info_by_topic(topic) if unpublished else []):
+                kind, take, options = entry(topic, known[0].topic_type)
 
                 def callback(message, take=take):
                     idle.clear()
                     take(message)
 
-                reliability = publishers[0].qos_profile.reliability
+                reliability = publishers[0].qos_profile.reliability if publishers else ReliabilityPolicy.RELIABLE
                 node.create_subscription(
                     kind, topic, callback, QoSProfile(depth=DEPTH, reliability=reliability), **options)
                 awaited.remove(topic)
@@ -166,7 +167,8 @@ def act_with(node, arguments):
             call(node, *rest)
         case ['param', 'set', *rest]:
             set_parameter(node, *rest)
-        case ['bag', 'record', '--storage', 'mcap', '--output', output, '--topics', *topics]:
+        case ['bag', 'record', '--include-unpublished-topics', '--storage', 'mcap', '--output', output,
+              '--topics', *topics]:
             record(node, output, topics)
         case _:
             raise SystemExit(f'this command is not one of those in {__doc__}')

@@ -27,6 +27,9 @@ COUNTING_PERIOD = 0.1
 """Elapsed time after which subscribers are counted again [s]: to count them with every state would take as long as to
 write the messages."""
 
+LATECOMER_DELAY = 0.5
+"""Elapsed time after which a new subscriber knows its publisher [s]: with best effort it misses what came before."""
+
 CLOCK_PERIOD = 1.0
 """Elapsed time after which the clock is published again while simulated time stands still [s]."""
 
@@ -62,6 +65,7 @@ class Outputs:
         self._clock_due = math.inf  # steady time at which the clock is repeated [s]
         self._latest: dict[str, Any] = {}  # the last message
         self._subscribers: Counter[str] = Counter()  # when they were counted
+        self._late: dict[str, float] = {}  # steady time at which new subscribers get the last state [s]
         self._counting_due = -math.inf  # steady time [s]
 
     @property
@@ -124,12 +128,16 @@ class Outputs:
             self._send('/clock', self._latest['/clock'])
 
     def publish_to_latecomers(self) -> None:
-        """Publish the last state again on the topics that have more subscribers than were counted."""
+        """Publish the last state again on the topics that got more subscribers than were counted, after a while."""
         if self._messages.state is None:
             return
+        now = time.monotonic()
         for topic, to in self._publishers.items():
             before, self._subscribers[topic] = self._subscribers[topic], to.get_subscription_count()
             if self._subscribers[topic] > before:
+                self._late[topic] = now + LATECOMER_DELAY
+            if now >= self._late.get(topic, math.inf):
+                del self._late[topic]
                 message = self._messages.again(topic) or self._latest.get(topic)
                 if message is not None:
                     self._send(topic, message)
@@ -137,7 +145,9 @@ class Outputs:
     def publish(self, state: State) -> None:
         """Publish all outputs of a state that are due, then the clock."""
         if time.monotonic() >= self._counting_due:  # all that get this state, so not those that come later
-            self._counting_due = time.monotonic() + COUNTING_PERIOD
+            now = time.monotonic()
+            self._counting_due = now + COUNTING_PERIOD
+            self._late = {topic: due for topic, due in self._late.items() if due > now}
             for topic, to in self._publishers.items():
                 self._subscribers[topic] = to.get_subscription_count()
         for topic, message in self._messages.of(state, self.stamp(state)):

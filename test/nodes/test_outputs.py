@@ -1,6 +1,7 @@
 """The outputs of a node in this process: what is not done for nobody, what is waited for, and when what is due."""
 
 import dataclasses
+from types import SimpleNamespace
 
 import pytest
 from builtin_interfaces.msg import Time
@@ -9,7 +10,7 @@ from visualization_msgs.msg import MarkerArray
 
 from manta_sim_ros.dynamics import Simulator
 from manta_sim_ros.nodes.markers import Markers
-from manta_sim_ros.nodes.outputs import PATIENCE, Outputs
+from manta_sim_ros.nodes.outputs import LATECOMER_DELAY, PATIENCE, Outputs
 from manta_sim_ros.nodes.parameters import Settings
 from manta_sim_ros.nodes.qos import QUEUE_DEPTH
 from manta_sim_ros.nodes.state_messages import StateMessages
@@ -73,6 +74,34 @@ def test_subscribers_are_waited_for_each_time_that_the_queue_of_their_topic_is_f
             QUEUE_DEPTH: topics, 2 * QUEUE_DEPTH: topics | {'/joint_states'}, 3 * QUEUE_DEPTH: topics}
     else:
         assert [number for number, _ in done] == [QUEUE_DEPTH]
+
+
+def test_a_new_subscriber_gets_the_last_state_when_it_knows_its_publisher(outputs, simulator, monkeypatch):
+    now, subscribers, sent = [100.0], dict.fromkeys(('/pose', '/twist'), 0), []
+    monkeypatch.setattr('manta_sim_ros.nodes.outputs.time', SimpleNamespace(monotonic=lambda: now[0]))
+    monkeypatch.setattr(Publisher, 'get_subscription_count', lambda publisher: subscribers.get(publisher.topic_name, 0))
+    monkeypatch.setattr(Publisher, 'publish', lambda publisher, message: sent.append(publisher.topic_name))
+
+    def sent_at(time):
+        now[0] = time
+        sent.clear()
+        outputs.publish_to_latecomers()
+        return list(sent)
+
+    assert sent_at(100.0) == []  # there is no state yet
+    outputs.publish(simulator.advance(0.01))
+    subscribers['/pose'] = 1
+    assert sent_at(101.0) == []
+    subscribers['/twist'] = 1
+    assert sent_at(101.3) == []
+    assert sent_at(101.0 + LATECOMER_DELAY) == ['/pose']
+    assert sent_at(101.3 + LATECOMER_DELAY) == ['/twist']
+    assert sent_at(102.5) == []
+    subscribers['/pose'] = 2
+    assert sent_at(103.0) == []
+    now[0] = 103.0 + LATECOMER_DELAY
+    outputs.publish(simulator.advance(0.01))  # which it hears
+    assert sent_at(104.0) == []
 
 
 @pytest.mark.parametrize('received', [True, False])

@@ -164,7 +164,7 @@ def test_all_steps_from_the_command_to_the_analysis_do_what_the_page_says(termin
     follow = blocks(terminal, 'Follow a path, and record the swim')
     next(follow)
     recorder, _ = next(follow)
-    for topic in ('/odom', '/fin_wrench', '/joint_states', '/clock'):
+    for topic in ('/odom', '/fin_wrench', '/joint_states', '/fin_command', '/clock'):  # before anybody commands
         said(recorder, f"'{topic}'")
     follower, _ = next(follow)
     said(follower, 'the end of the path is reached')

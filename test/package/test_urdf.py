@@ -8,6 +8,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
+import rclpy
 import xacro
 import yaml
 
@@ -178,9 +179,24 @@ def test_the_rods_are_a_system_of_ros2_control_that_the_node_and_the_controllers
     joints = {joint.get('name') for joint in robot.findall('joint')}
     assert joints >= set(RODS)  # the ones of the robot, which the system moves
     for joint in controlled:
-        bounds = [float(bound.text) for bound in joint.find('command_interface').iter('param')]
-        assert bounds == pytest.approx([-LARGEST_ROD_ANGLE, LARGEST_ROD_ANGLE])
+        values = {value.get('name'): float(value.text) for value in joint.find('command_interface').iter('param')}
+        assert values == {  # without the first one, NaN is commanded until a controller is active
+            'initial_value': 0.0, 'min': pytest.approx(-LARGEST_ROD_ANGLE), 'max': pytest.approx(LARGEST_ROD_ANGLE)}
     controllers = yaml.safe_load((folder / 'controllers.yaml').read_text(encoding='utf-8'))
+    assert all(name.startswith('/**/') for name in controllers)  # in any namespace
     for name in ('rod_positions', 'rod_trajectory'):
-        assert name in controllers['controller_manager']['ros__parameters']
-        assert controllers[name]['ros__parameters']['joints'] == RODS
+        assert name in controllers['/**/controller_manager']['ros__parameters']
+        assert controllers[f'/**/{name}']['ros__parameters']['joints'] == RODS
+
+
+@pytest.mark.parametrize('folder', ['urdf', 'config/ros2_control'])
+def test_a_command_line_of_ros_2_takes_the_robot_description(folder):
+    """It is read as YAML, and must be a text there."""
+    description = urdf(ROOT / folder / 'manta.urdf.xacro')
+    context = rclpy.Context()
+    rclpy.init(args=['--ros-args', '-p', f'robot_description:={description}'], context=context)
+    node = rclpy.create_node('describing', context=context, automatically_declare_parameters_from_overrides=True)
+    taken = node.get_parameter('robot_description').value
+    node.destroy_node()
+    context.shutdown()
+    assert ElementTree.fromstring(taken).get('name') == 'manta'
