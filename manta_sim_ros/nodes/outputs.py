@@ -144,8 +144,8 @@ class Outputs:
 
     def publish(self, state: State) -> None:
         """Publish all outputs of a state that are due, then the clock."""
-        if time.monotonic() >= self._counting_due:  # all that get this state, so not those that come later
-            now = time.monotonic()
+        now = time.monotonic()
+        if now >= self._counting_due:  # all that get this state, so not those that come later
             self._counting_due = now + COUNTING_PERIOD
             self._late = {topic: due for topic, due in self._late.items() if due > now}
             for topic, to in self._publishers.items():

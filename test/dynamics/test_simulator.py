@@ -11,15 +11,7 @@ import pytest
 
 from evidence.scenarios import SWIM, TURN, assert_same_bits, bits, sized
 from manta_sim_ros import dynamics
-from manta_sim_ros.dynamics import (
-    MONOLITHIC,
-    SEQUENTIAL,
-    FinCommand,
-    Parameters,
-    Simulator,
-    State,
-    fin_dynamics,
-)
+from manta_sim_ros.dynamics import FinCommand, Parameters, Simulator, State, fin_dynamics
 
 
 def swimming(parameters, time=0.5):
@@ -184,9 +176,9 @@ def test_every_parameter_has_an_effect():
                     f'{group}.{name} = {other}')
 
 
-@pytest.mark.parametrize('coupling', [SEQUENTIAL, MONOLITHIC])
+@pytest.mark.parametrize('coupling', [dynamics.SEQUENTIAL, dynamics.MONOLITHIC])
 def test_the_kernel_gets_values_of_the_same_types_in_all_simulators(monkeypatch, coupling):
-    """Nothing looks at them in a call."""
+    """In a call, nothing looks at the types."""
     types, whole = [], Parameters().replace(
         fin={'chains': np.int32(3), 'span': 1, 'joint_damping': 0}, rods={'rear_motor_position': [0, -1, 0]},
         body={'mass': 20, 'inertia': np.array([1, 2, 2])}, water={'current': (0, 0, 0), 'density': np.int64(1000)},
