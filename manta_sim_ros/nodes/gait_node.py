@@ -94,4 +94,4 @@ class GaitNode(ParameterNode):
 
 def main(args: list[str] | None = None) -> None:
     """Run the node until it is interrupted."""
-    run_node(GaitNode, lambda node: None, rclpy.spin, args)
+    run_node(GaitNode, lambda node: None, rclpy.spin_until_future_complete, args)

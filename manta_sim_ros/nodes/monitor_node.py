@@ -131,4 +131,4 @@ class MonitorNode(ParameterNode):
 
 def main(args: list[str] | None = None) -> None:
     """Run the node until it is interrupted, or for its duration."""
-    run_node(MonitorNode, lambda node: None, rclpy.spin, args)
+    run_node(MonitorNode, lambda node: None, rclpy.spin_until_future_complete, args)

@@ -40,4 +40,4 @@ def node() -> PathFollowerNode:
 
 def main(args: list[str] | None = None) -> None:
     """Run the node until it is interrupted."""
-    run_node(node, lambda node: None, rclpy.spin, args)
+    run_node(node, lambda node: None, rclpy.spin_until_future_complete, args)

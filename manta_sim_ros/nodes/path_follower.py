@@ -208,4 +208,4 @@ class PathFollowerNode(ParameterNode):
 
 def main(args: list[str] | None = None) -> None:
     """Run the node until it is interrupted."""
-    run_node(PathFollowerNode, lambda node: None, rclpy.spin, args)
+    run_node(PathFollowerNode, lambda node: None, rclpy.spin_until_future_complete, args)

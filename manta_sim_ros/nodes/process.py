@@ -18,6 +18,7 @@ from rclpy.exceptions import ParameterException
 from rclpy.executors import Executor, ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
+from rclpy.task import Future
 
 from manta_sim_ros.dynamics import cut
 from manta_sim_ros.nodes.arguments import check_arguments, warn_of_parameters_for_others
@@ -26,7 +27,8 @@ from manta_sim_ros.signals import ignore_endings, on_ending
 GRACE = 1.0
 """Time in which the main thread ends by itself after a signal, if it does not compute [s].
 
-After it, the node is destroyed in the thread of the signals. That leaves shared memory if the main thread still spins.
+After it, the node is destroyed in the thread of the signals. That leaves shared memory if the main thread still spins,
+as an executor holds the entities for which it waits.
 """
 
 END_LIMIT = 2.0
@@ -42,11 +44,13 @@ LONGEST_LINE = 600
 def run_node(
     make: Callable[[], NodeType],
     start: Callable[[NodeType], None],
-    spin: Callable[[NodeType], None],
+    spin: Callable[[NodeType, Future[None]], object],
     args: list[str] | None,
     finish: Callable[[NodeType], object] = lambda node: None,
 ) -> None:
     """Make a node, start it, and spin it until the context is shut down. A signal ends the process with status 0.
+
+    `spin` is called with the node and a future, and returns when that is done: after a signal.
 
     Whatever ends it, `finish` is called once while the node can still publish: after a signal in another thread, at the
     same time as what the node does.
@@ -58,6 +62,7 @@ def run_node(
     finishing: NodeType | None = None
     interrupted = False
     lock, finish_lock, left = threading.Lock(), threading.Lock(), threading.Event()
+    ending: Future[None] = Future()
 
     def finish_once() -> None:
         nonlocal finishing
@@ -84,7 +89,9 @@ def run_node(
             finish_once()
         with contextlib.suppress(Exception):
             with lock:
-                rclpy.try_shutdown()  # ends `spin` where it waits
+                if node is None:
+                    rclpy.try_shutdown()  # ends the making of it
+            ending.set_result(None)
             left.wait(GRACE)
             destroy()
         os._exit(0)
@@ -100,7 +107,7 @@ def run_node(
             start(made)
             gc.freeze()  # the garbage collector need not look again at what was imported and made
         if not interrupted:
-            spin(made)
+            spin(made, ending)
     except (KeyboardInterrupt, ExternalShutdownException):
         pass
     except (Exception, SystemExit):

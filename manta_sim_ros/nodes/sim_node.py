@@ -16,6 +16,7 @@ from rclpy.context import Context
 from rclpy.exceptions import ParameterNotDeclaredException
 from rclpy.executors import Executor
 from rclpy.parameter import Parameter
+from rclpy.task import Future
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 
@@ -136,30 +137,40 @@ class SimNode(ParameterNode):
             self, self._robot, lambda: self._settings, self._leader, self._time, self._outputs.stamp)
         return True
 
-    def spin(self) -> None:
+    def spin(self, ending: Future[None] | None = None) -> None:
         """Simulate on the steady clock and run callbacks in between, until the context is shut down.
+
+        If a future is given, it ends when that is done, too.
 
         A timer of rclpy stays in phase: ticks that take somewhat longer than their period would come at half the rate.
         """
         callbacks = executor(self.context)
         callbacks.add_node(self)
-        while self.context.ok():
-            began = time.monotonic()
-            if self._time_to_tick(began) <= 0.0:
-                self._tick()
-                self._ticked_at = time.monotonic()
-                self._computing += self._ticked_at - began
-                self._next_tick = max(self._next_tick + self._tick_period, self._ticked_at)  # does not catch up
-            elif self._time.paused or self._leader.stands_still:
-                self._stand_still()
-                self._listen(callbacks)
-            if self._report():
-                self._listen(callbacks)  # to what comes faster than one by one
-            wait = self._time_to_tick(time.monotonic())
-            if wait > 0.0:
-                callbacks.spin_once(timeout_sec=min(wait, LONGEST_WAIT))
-            else:
-                self._listen(callbacks)
+        ending = Future() if ending is None else ending
+        ending.add_done_callback(lambda _: callbacks.wake())
+        try:
+            while self.context.ok() and not ending.done():
+                self._go_on(callbacks)
+        finally:
+            callbacks.shutdown()  # else it holds the entities of the node, which is not destroyed then
+
+    def _go_on(self, callbacks: Executor) -> None:
+        began = time.monotonic()
+        if self._time_to_tick(began) <= 0.0:
+            self._tick()
+            self._ticked_at = time.monotonic()
+            self._computing += self._ticked_at - began
+            self._next_tick = max(self._next_tick + self._tick_period, self._ticked_at)  # does not catch up
+        elif self._time.paused or self._leader.stands_still:
+            self._stand_still()
+            self._listen(callbacks)
+        if self._report():
+            self._listen(callbacks)  # to what comes faster than one by one
+        wait = self._time_to_tick(time.monotonic())
+        if wait > 0.0:
+            callbacks.spin_once(timeout_sec=min(wait, LONGEST_WAIT))
+        else:
+            self._listen(callbacks)
 
     def _listen(self, callbacks: Executor) -> None:
         """Run the callbacks of all that was received; of too many commands, take the last ones only."""

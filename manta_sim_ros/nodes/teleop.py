@@ -16,6 +16,7 @@ from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 from rclpy.duration import Duration
 from rclpy.qos import qos_profile_sensor_data
+from rclpy.task import Future
 from sensor_msgs.msg import JointState, Joy
 from std_msgs.msg import Float64MultiArray
 
@@ -193,13 +194,13 @@ def main(args: list[str] | None = None) -> None:
     """Run the node until it is interrupted, or until the user leaves the screen."""
     terminal = Terminal()
 
-    def spin(node: TeleopNode) -> None:
+    def spin(node: TeleopNode, ending: Future[None]) -> None:
         if node.has_screen:
             from manta_sim_ros.control.teleop_screen import TeleopScreen
 
             terminal.run(node, TeleopScreen(node.view, node.press, node.settings))
         else:
-            rclpy.spin(node)
+            rclpy.spin_until_future_complete(node, ending)
 
     def finish(node: TeleopNode) -> None:
         node.stop()

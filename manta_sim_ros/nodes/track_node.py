@@ -78,7 +78,7 @@ class TrackNode(ParameterNode):
             self._track, self._best, self._progressed = Track(Polyline(positions_of(message))), 0.0, math.nan
             self.get_logger().info(f'recording along a path of {self._track.path.length:.2f} m')
         elif self._track is not None:
-            self._end('')
+            self.end('')
 
     def _take(self, message: Odometry) -> None:
         if self._track is None or self.ended.done():
@@ -88,9 +88,9 @@ class TrackNode(ParameterNode):
         if station > self._best or math.isnan(self._progressed):
             self._best, self._progressed = station, time
         if abs(cross_track) > self._farthest:
-            self._end(f'the robot is more than {self._farthest:g} m beside the path')
+            self.end(f'the robot is more than {self._farthest:g} m beside the path')
         elif time - self._progressed > LOST:
-            self._end(f'there is no progress along the path for {LOST:g} s')
+            self.end(f'there is no progress along the path for {LOST:g} s')
 
     def _advance(self, _: Float64MultiArray) -> None:
         self._stepped = True
@@ -103,7 +103,8 @@ class TrackNode(ParameterNode):
         if not stepped and self._track is not None and self._step.service_is_ready():
             self._step.call_async(Trigger.Request())
 
-    def _end(self, why: str) -> None:
+    def end(self, why: str) -> None:
+        """End the swim, if it has not ended yet."""
         if not self.ended.done():
             self.ended.set_result(why)
 
@@ -117,8 +118,9 @@ class TrackNode(ParameterNode):
             print(f'the path and the track are drawn in {self._output}', flush=True)
 
 
-def swim(node: TrackNode) -> None:
+def swim(node: TrackNode, ending: Future[None]) -> None:
     """Spin until the swim has ended, then report it; the exit status is 1 if the track was lost."""
+    ending.add_done_callback(lambda _: node.end(''))
     rclpy.spin_until_future_complete(node, node.ended)
     node.report()
     why = node.ended.result() if node.ended.done() else ''

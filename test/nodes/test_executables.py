@@ -90,7 +90,7 @@ def start(node):
     reach('start')
     reach('computing start', compute)
 
-run_node(Interrupted, start, rclpy.spin, [])
+run_node(Interrupted, start, rclpy.spin_until_future_complete, [])
 """
 
 PHASES = ['before the node', 'constructor', 'start', 'computing start', 'callback', 'computing callback', 'destructor']
@@ -111,6 +111,32 @@ def test_a_signal_in_any_phase_ends_a_node_quietly_and_leaves_no_shared_memory(p
     assert [file for file in files if file.exists()] == []
 
 
+ENDED_BY_ITSELF = """
+import os, signal, threading
+import rclpy
+from rclpy.node import Node
+from manta_sim_ros.nodes.process import run_node
+
+class Heard(Node):
+    def destroy_node(self):
+        print('destroyed in', threading.current_thread().name, flush=True)
+        super().destroy_node()
+
+def spin(node, ending):
+    rclpy.spin_until_future_complete(node, ending)
+    print('spun', rclpy.ok(), flush=True)
+
+run_node(lambda: Heard('heard'), lambda node: node.create_timer(0.1, lambda: os.kill(os.getpid(), signal.SIGTERM)),
+         spin, [])
+"""
+
+
+def test_the_main_thread_has_spun_before_anything_is_destroyed():
+    process = subprocess.run([sys.executable, '-c', ENDED_BY_ITSELF], capture_output=True, text=True, timeout=LIMIT)
+    assert (process.returncode, own_lines(process.stderr)) == (0, [])
+    assert process.stdout.splitlines()[:2] == ['spun True', 'destroyed in MainThread']
+
+
 HANGING_END = """
 import os, signal, threading
 import rclpy
@@ -121,7 +147,8 @@ class Hanging(Node):
     def destroy_node(self):
         threading.Event().wait()
 
-run_node(lambda: Hanging('hanging'), lambda node: os.kill(os.getpid(), signal.SIGTERM), rclpy.spin, [])
+run_node(lambda: Hanging('hanging'), lambda node: os.kill(os.getpid(), signal.SIGTERM),
+         rclpy.spin_until_future_complete, [])
 """
 
 
