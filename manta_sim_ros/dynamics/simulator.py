@@ -15,8 +15,8 @@ from manta_sim_ros.dynamics._kernels import monolithic, staggered
 from manta_sim_ros.dynamics._kernels.compilation import announced_compilation, machine_code
 from manta_sim_ros.dynamics._kernels.constants import constants, with_servos
 from manta_sim_ros.dynamics._kernels.inputs import NO_WRENCH, Inputs, wrench_of
-from manta_sim_ros.dynamics._kernels.layout import workspace
-from manta_sim_ros.dynamics._kernels.motion import FASTEST, FIN_DIVERGED, NO_SOLUTION, FinState, Outcome
+from manta_sim_ros.dynamics._kernels.layout import Workspace, workspace
+from manta_sim_ros.dynamics._kernels.motion import FASTEST, FIN_DIVERGED, NO_SOLUTION, FinState, Outcome, motion_of
 from manta_sim_ros.dynamics.command import (
     REST,
     SIDES,
@@ -78,14 +78,13 @@ class Simulator:
 
     _step_too_large = False  # for the gaits of the last command
     _turn_warning: str | None = None
+    _workspace: Workspace | None = None  # until the first step
 
     def __init__(self, parameters: Parameters | None = None, state: State | None = None) -> None:
         self._parameters = Parameters() if parameters is None else parameters
         check_parameters(self._parameters)
         self._constants = constants(self._parameters)
         self._servo_constants = with_servos(self._constants)
-        fin, solver = self._parameters.fin, self._parameters.solver
-        self._workspace = workspace(fin.chains, fin.links, solver.coupling == MONOLITHIC)
         self._mean_current = np.array(self._parameters.water.current)
         warning = body_warning(self._parameters)
         if warning is not None:
@@ -127,14 +126,14 @@ class Simulator:
         largest = float(np.abs(state.joint_angles).max())
         if not largest < math.pi:
             raise ValueError(f'state.joint_angles reach {largest:g} rad, but must stay below pi')
-        for side in range(2):
-            command = FinCommand(*state.gait_commands[side])
+        commands = [FinCommand(*values) for values in state.gait_commands.tolist()]
+        for side, command in enumerate(commands):
             check_gait(self._parameters.rods, side, command)
             check_present_gait(self._parameters.rods, side, state.gait[side])  # the transition was checked before
         step = self._parameters.solver.time_step
         if state.time != state.start_time + state.step_count * step:  # its steps were counted elsewhere
             state = dataclasses.replace(state, start_time=state.time, step_count=0)
-        warning = step_warning(self._parameters, *(FinCommand(*command) for command in state.gait_commands))
+        warning = step_warning(self._parameters, *commands)
         self._continue_from(state)
         self._warn_of_step(warning, stacklevel=4)
         return state
@@ -163,8 +162,7 @@ class Simulator:
         if rods.command_time_constant == 0.0:
             gait, rates = commands, np.zeros_like(rates)
         warning = step_warning(self._parameters, left, right)
-        self._continue_from(dataclasses.replace(
-            self._state, gait=gait, gait_rates=rates, gait_commands=commands, servos=False))
+        self._commanded(gait, rates, commands, servos=False)
         self._warn_of_step(warning, stacklevel=3)
 
     def command_rods(
@@ -203,8 +201,7 @@ class Simulator:
             gait[:, 3:], rates[:, 3:] = before.rod_angles, before.rod_rates
             for side in range(2):
                 check_taking_over(rods, side, gait[side, 3:], rates[side, 3:])
-        self._continue_from(
-            dataclasses.replace(before, gait=gait, gait_rates=rates, gait_commands=commands, servos=True))
+        self._commanded(gait, rates, commands, servos=True)
         self._step_too_large = False
 
     def _warn_of_step(self, warning: str | None, stacklevel: int) -> None:
@@ -268,6 +265,15 @@ class Simulator:
     def _continue_from(self, state: State) -> None:
         self._state, self._motion = state, state.motion_values()
 
+    def _commanded(self, gait: FloatArray, rates: FloatArray, commands: FloatArray, *, servos: bool) -> None:
+        """Continue from the present state with other gaits, or other angles of the rods with servos."""
+        before, motion = self._state, self._motion.copy()
+        parts = motion_of.py_func(motion, *before.joint_angles.shape[1:])
+        parts.gait[:], parts.gait_rates[:], parts.gait_commands[:] = gait, rates, commands
+        self._state, self._motion = State.unchecked(
+            motion, before.joint_angles.shape, time=before.time, start_time=before.start_time,
+            step_count=before.step_count, current_deviation=before.current_deviation, servos=servos), motion
+
     def _moved(self, motion: FloatArray, *, time: float, step_count: int, current_deviation: FloatArray) -> None:
         """Continue from the values of a motion after steps; nobody else changes these."""
         before = self._state
@@ -279,6 +285,9 @@ class Simulator:
         """Take steps in place; the first call with a coupling may have to compile its kernel."""
         coupling = self._parameters.solver.coupling
         values = self._servo_constants if self._state.servos else self._constants
+        if self._workspace is None:
+            fin = self._parameters.fin
+            self._workspace = workspace(fin.chains, fin.links, coupling == MONOLITHIC)
         arguments = values, acting, motion, self._workspace, steps
         if coupling not in _advance:
             with announced_compilation():

@@ -52,6 +52,24 @@ def test_no_steps_change_nothing():
     assert_same_bits(simulator.advance(0.0), before)
 
 
+@pytest.mark.parametrize('rods', [False, True])
+def test_the_state_after_a_command_is_a_whole_read_only_one_and_that_before_stays(rods):
+    simulator = swimming(sized(4, 2).replace(water={'current_deviation': (0.1, 0.1, 0.1)}))
+    before = simulator.state
+    had = copy.deepcopy(before)
+    if rods:
+        simulator.command_rods(left=[0.1, 0.1], right=[0.2, 0.2])
+    else:
+        simulator.command(left=TURN, right=SWIM)
+    after = simulator.state
+    assert_same_bits(before, had)
+    assert_same_bits(dataclasses.replace(after), after)  # its values are valid
+    assert bits(after)['gait_commands'] != bits(before)['gait_commands'] and after.servos is rods
+    assert not any(array.flags.writeable for array in vars(after).values() if isinstance(array, np.ndarray))
+    assert_same_bits(Simulator(simulator.parameters, after).advance(0.1), simulator.advance(0.1))
+    assert_same_bits(before, had)
+
+
 def test_a_command_changes_no_motion_before_the_next_step():
     simulator = swimming(sized(4, 2))
     before = bits(simulator.state)

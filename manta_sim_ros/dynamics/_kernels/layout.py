@@ -6,6 +6,7 @@ pads a row repeats the last chain.
 
 from __future__ import annotations
 
+from math import prod
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -162,7 +163,7 @@ def packed_workspace(row: int, links: int) -> Workspace:
 
 
 def aligned_zeros(shape: tuple[int, ...]) -> FloatArray:
-    size, spare = int(np.prod(shape)), _ALIGNMENT // 8
+    size, spare = prod(shape), _ALIGNMENT // 8
     memory = np.zeros(size + spare)
     start = -memory.ctypes.data // 8 % spare
     return memory[start:start + size].reshape(shape)
