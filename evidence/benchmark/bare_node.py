@@ -12,6 +12,7 @@ from rclpy.experimental import EventsExecutor
 from rclpy.task import Future
 
 RATE = 100.0  # Hz
+TOPIC = 'bare_odom'
 EXECUTORS = {'single-threaded': SingleThreadedExecutor, 'events': EventsExecutor}
 
 
@@ -19,8 +20,8 @@ def main(executor: str) -> None:
     """Publish until the process is ended."""
     rclpy.init()
     node = rclpy.create_node('bare_node')
-    publisher = node.create_publisher(Odometry, 'bare_odom', 10)
-    message = Odometry(child_frame_id='base_link')
+    publisher = node.create_publisher(Odometry, TOPIC, 10)
+    message = Odometry(child_frame_id='bare_base_link')
     message.header.frame_id = 'odom'
 
     def publish() -> None:

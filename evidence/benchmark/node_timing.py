@@ -15,6 +15,7 @@ from collections.abc import Callable, Iterator
 import numpy as np
 import rclpy
 from geometry_msgs.msg import PoseStamped
+from nav_msgs.msg import Odometry
 from rclpy.node import Node
 from rosgraph_msgs.msg import Clock
 from std_msgs.msg import Float64MultiArray
@@ -22,6 +23,7 @@ from visualization_msgs.msg import MarkerArray
 
 from evidence.benchmark import robots
 from evidence.benchmark.bare_node import EXECUTORS
+from evidence.benchmark.bare_node import TOPIC as BARE_TOPIC
 from evidence.harness.processes import command_of
 
 STARTED_WITHIN = 300.0  # s, a first start on a slow machine
@@ -38,14 +40,14 @@ def node_figures(starts: int, seconds: float) -> dict[str, float]:
     """Measure the first start, `starts` later starts, and the processor time over `seconds` of swimming at 100 Hz.
 
     A start lasts from the creation of the process to its first `pose`; the first one finds no compiled kernels. The
-    processor shares are those of one core, without and with a subscriber of the markers, and those of bare nodes at the
-    same time.
+    processor shares are those of one core, and those of bare nodes at the same time: while nobody listens, with a
+    subscriber of each odometry, and with one of the markers.
     """
     rclpy.init()
     with tempfile.TemporaryDirectory() as kernels:
         watch = rclpy.create_node('node_timing')
         seen: list[PoseStamped] = []
-        watch.create_subscription(PoseStamped, 'pose', seen.append, 10)
+        first = watch.create_subscription(PoseStamped, 'pose', seen.append, 10)
         commands = watch.create_publisher(Float64MultiArray, 'fin_command', 10)
 
         def start() -> float:
@@ -63,12 +65,22 @@ def node_figures(starts: int, seconds: float) -> dict[str, float]:
                 taken.append(start())
                 if len(taken) == 1 + starts:
                     commands.publish(Float64MultiArray(data=SWIM))
+                    watch.destroy_subscription(first)
                     with contextlib.ExitStack() as bare:
                         pids = {'ours': process.pid} | {
                             name: bare.enter_context(_process([sys.executable, '-m', BARE_NODE, name])).pid
                             for name in EXECUTORS}
                         time.sleep(SETTLED)
                         shares = _processor_shares(pids, lambda: time.sleep(seconds / ROUNDS))
+                        heard: list[Odometry] = []
+                        listeners = [watch.create_subscription(Odometry, topic, heard.append, 10)
+                                     for topic in ('odom', BARE_TOPIC)]
+                        _spin(watch, SETTLED)
+                        if len({message.child_frame_id for message in heard}) < len(listeners):
+                            raise TimeoutError(f'no odometry of both nodes within {SETTLED:g} s')
+                        with_listeners = _processor_shares(pids, lambda: time.sleep(seconds / ROUNDS))
+                        for listener in listeners:
+                            watch.destroy_subscription(listener)
                         markers: list[MarkerArray] = []
                         watch.create_subscription(MarkerArray, 'fin_markers', markers.append, 10)
                         _spin(watch, SETTLED)
@@ -80,7 +92,8 @@ def node_figures(starts: int, seconds: float) -> dict[str, float]:
         'first start [s]': taken[0], 'warm start [s]': sorted(taken[1:])[starts // 2],
         'processor share': statistics.median(shares['ours']),
         **{f'processor share of a bare node, {name}': statistics.median(shares[name]) for name in EXECUTORS},
-        'ours / bare': _ratio(shares), 'processor share with markers': statistics.median(with_markers['ours']),
+        'ours / bare': _ratio(shares), 'ours / bare, heard': _ratio(with_listeners),
+        'processor share with markers': statistics.median(with_markers['ours']),
         'ours with markers / bare': _ratio(with_markers),
     }
 
