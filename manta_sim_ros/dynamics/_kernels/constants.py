@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from math import acos, hypot, inf, pi
 from typing import NamedTuple
 
@@ -81,8 +82,9 @@ class Constants(NamedTuple):
     reach: float  # no part of the robot is farther from the center of mass [m]
 
 
+@functools.lru_cache(maxsize=16)
 def constants(parameters: Parameters) -> Constants:
-    """Return the parameters as the kernels take them."""
+    """Return the parameters as the kernels take them; they only read them, so robots with the same ones share them."""
     fin, rods, body, water = parameters.fin, parameters.rods, parameters.body, parameters.water
     link_length, chain_spacing = fin.span / fin.links, rods.support_length / fin.chains
     bending_stiffness = fin.youngs_modulus * fin.thickness**3 / 12.0
