@@ -119,9 +119,11 @@ class TrackNode(ParameterNode):
 
 
 def swim(node: TrackNode, ending: Future[None]) -> None:
-    """Spin until the swim has ended, then report it; the exit status is 1 if the track was lost."""
+    """Spin until the swim has ended, then report it, but not if the process is to end: status 1 for a lost track."""
     ending.add_done_callback(lambda _: node.end(''))
     rclpy.spin_until_future_complete(node, node.ended)
+    if ending.done():
+        return
     node.report()
     why = node.ended.result() if node.ended.done() else ''
     if why:

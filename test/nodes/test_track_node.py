@@ -1,5 +1,8 @@
 """The node `track_node` with a robot that stands in for the simulator: end of the path, loss of the track, refusals."""
 
+import itertools
+import signal
+
 import pytest
 from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import Odometry, Path
@@ -69,6 +72,17 @@ def test_at_the_end_of_the_path_it_prints_the_errors_and_draws_the_figure(launch
     assert '0.50 m at most; height error: ' in node.output and node.output.count('0.12 m at most') == 1
     assert f'the path and the track are drawn in {picture}' in node.output
     assert picture.read_bytes().startswith(PNG)
+
+
+def test_ctrl_c_ends_it_without_a_report(launch, probe, robot, tmp_path):
+    picture = tmp_path / 'swim.png'
+    node = launch('track_node', f'-p output:={picture}')
+    probe.until(lambda: 'recording along a path of 4.00 m' in node.output, 'the path')
+    moved = itertools.count()
+    probe.until(lambda: next(moved) > 20, 'some motion', doing=lambda: robot.move(2.0, 0.5), every=0.0)
+    node.send(signal.SIGINT)
+    assert node.exit_status() == 0
+    assert 'of the path in' not in node.output and not picture.exists()
 
 
 @pytest.mark.parametrize(('arguments', 'x', 'y', 'elapsed', 'why'), [
