@@ -158,7 +158,7 @@ def _number(name: str, value: Any, kind: type, about: Quantity) -> Any:
     if kind is int and not isinstance(value, numbers.Integral):
         raise ValueError(f'{name} is {shown(value)}, but must be a whole number {about.bounds}')
     try:
-        number = kind(value)
+        number = kind(value) + 0  # 0.0 for -0.0: what is equal has the same bits
     except OverflowError:  # a whole number that no float holds
         number = math.inf
     if not about.low <= number <= about.high:  # also refuses nan

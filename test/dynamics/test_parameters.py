@@ -204,3 +204,11 @@ def test_an_endless_value_is_refused_in_a_short_line_with_its_bound(groups, boun
     with pytest.raises(ValueError) as refusal:
         Parameters().replace(**groups)
     assert len(str(refusal.value)) < 450 and bound in str(refusal.value)
+
+
+def test_equal_parameters_have_the_same_bits():
+    """Robots with equal parameters share what is computed from them."""
+    negative, positive = (
+        Parameters().replace(body={'gravity': zero}, rods={'rear_motor_position': (zero, 0.1, zero)})
+        for zero in (-0.0, 0.0))
+    assert negative == positive and str(negative) == str(positive)

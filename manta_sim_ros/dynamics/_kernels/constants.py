@@ -84,7 +84,7 @@ class Constants(NamedTuple):
 
 @functools.lru_cache(maxsize=16)
 def constants(parameters: Parameters) -> Constants:
-    """Return the parameters as the kernels take them; they only read them, so robots with the same ones share them."""
+    """Return the parameters as the kernels take them. The kernels only read them, so that robots may share them."""
     fin, rods, body, water = parameters.fin, parameters.rods, parameters.body, parameters.water
     link_length, chain_spacing = fin.span / fin.links, rods.support_length / fin.chains
     bending_stiffness = fin.youngs_modulus * fin.thickness**3 / 12.0
