@@ -173,8 +173,9 @@ class _Robot(Simulator):
         """Continue from the motion after so many steps, which lies in one array."""
         before, time_step = self.state, self.parameters.solver.time_step
         count = before.step_count + steps
-        self._moved(
-            motion, time=before.start_time + count * time_step, step_count=count, current_deviation=np.zeros(3))
+        self._go_on(
+            motion, time=before.start_time + count * time_step, step_count=count, current_deviation=np.zeros(3),
+            servos=before.servos)
         self._warn_of_turn()
 
 

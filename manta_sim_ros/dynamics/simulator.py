@@ -258,7 +258,8 @@ class Simulator:
                 deviation = deviation_at(water, deviation, began, time)
             if taken == steps:
                 break
-        self._moved(motion, time=time, step_count=before.step_count + steps, current_deviation=deviation)
+        self._go_on(
+            motion, time=time, step_count=before.step_count + steps, current_deviation=deviation, servos=before.servos)
         self._warn_of_turn()
         return self._state
 
@@ -270,16 +271,18 @@ class Simulator:
         before, motion = self._state, self._motion.copy()
         parts = motion_of.py_func(motion, *before.joint_angles.shape[1:])
         parts.gait[:], parts.gait_rates[:], parts.gait_commands[:] = gait, rates, commands
-        self._state, self._motion = State.unchecked(
-            motion, before.joint_angles.shape, time=before.time, start_time=before.start_time,
-            step_count=before.step_count, current_deviation=before.current_deviation, servos=servos), motion
+        self._go_on(
+            motion, time=before.time, step_count=before.step_count, current_deviation=before.current_deviation,
+            servos=servos)
 
-    def _moved(self, motion: FloatArray, *, time: float, step_count: int, current_deviation: FloatArray) -> None:
-        """Continue from the values of a motion after steps; nobody else changes these."""
+    def _go_on(
+        self, motion: FloatArray, *, time: float, step_count: int, current_deviation: FloatArray, servos: bool,
+    ) -> None:
+        """Continue from the values of another motion, after a command or steps; nobody else changes these."""
         before = self._state
         self._state, self._motion = State.unchecked(
             motion, before.joint_angles.shape, time=time, start_time=before.start_time, step_count=step_count,
-            current_deviation=current_deviation, servos=before.servos), motion
+            current_deviation=current_deviation, servos=servos), motion
 
     def _take_steps(self, acting: Inputs, motion: FloatArray, steps: int) -> Outcome:
         """Take steps in place; the first call with a coupling may have to compile its kernel."""
