@@ -60,9 +60,8 @@ def run_node(
     """
     node: NodeType | None = None
     finishing: NodeType | None = None
-    interrupted = False
     lock, finish_lock, left = threading.Lock(), threading.Lock(), threading.Event()
-    ending: Future[None] = Future()
+    ending: Future[None] = Future()  # done as soon as a signal has come
 
     def finish_once() -> None:
         nonlocal finishing
@@ -80,18 +79,16 @@ def run_node(
             rclpy.try_shutdown()
 
     def end() -> None:  # in the thread of the signals, as the main thread may be compiling or computing
-        nonlocal interrupted
-        interrupted = True
         limit = threading.Timer(END_LIMIT, os._exit, [0])
         limit.daemon = True
         limit.start()
+        ending.set_result(None)
         with contextlib.suppress(Exception):
             finish_once()
         with contextlib.suppress(Exception):
             with lock:
                 if node is None:
                     rclpy.try_shutdown()  # ends the making of it
-            ending.set_result(None)
             left.wait(GRACE)
             destroy()
         os._exit(0)
@@ -103,25 +100,25 @@ def run_node(
         check_arguments(make, arguments)
         made = node = finishing = _or_exit(make)
         warn_of_parameters_for_others(made, arguments)
-        if not interrupted:
+        if not ending.done():
             start(made)
             gc.freeze()  # the garbage collector need not look again at what was imported and made
-        if not interrupted:
+        if not ending.done():
             spin(made, ending)
     except (KeyboardInterrupt, ExternalShutdownException):
         pass
     except (Exception, SystemExit):
-        if not interrupted:  # else it is a consequence of the shutdown
+        if not ending.done():  # else it is a consequence of the shutdown
             raise
     finally:
-        if interrupted and node is None:
+        if ending.done() and node is None:
             gc.collect()  # ends a node that was made in part: else it leaves shared memory
         try:
             finish_once()
         finally:
             left.set()
             destroy()
-        if interrupted:
+        if ending.done():
             os._exit(0)  # the end of the interpreter takes a second
         ignore_endings()
 
