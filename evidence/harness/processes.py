@@ -36,6 +36,12 @@ def command_of(executable):
     return [sys.executable, '-c', f'from manta_sim_ros.executables import {executable}; {executable}()']
 
 
+def shared_memory_of(process):
+    """Return the files of Fast DDS in /dev/shm that a process has opened now, by its number or `self`."""
+    lines = Path(f'/proc/{process}/maps').read_text().splitlines()
+    return {Path(line.split()[5]) for line in lines if '/dev/shm/fast' in line and 'port' not in line}
+
+
 class NodeProcess:
     """A node in its own process. All its output goes to a file."""
 
@@ -60,8 +66,7 @@ class NodeProcess:
     @property
     def shared_memory(self):
         """Files of Fast DDS in /dev/shm that it has opened now."""
-        lines = Path(f'/proc/{self.process.pid}/maps').read_text().splitlines()
-        return {Path(line.split()[5]) for line in lines if '/dev/shm/fast' in line and 'port' not in line}
+        return shared_memory_of(self.process.pid)
 
     def check_running(self):
         if not self.may_end and self.process.poll() is not None:

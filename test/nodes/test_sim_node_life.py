@@ -20,7 +20,7 @@ from rosgraph_msgs.msg import Clock
 from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import SetBool
 
-from evidence.harness.processes import LIMIT, own_lines
+from evidence.harness.processes import LIMIT, own_lines, shared_memory_of
 from manta_sim_ros.nodes.process import END_LIMIT, executor
 from manta_sim_ros.nodes.sim_node import SimNode
 
@@ -57,25 +57,19 @@ def test_a_signal_ends_it_while_it_runs(launch, probe, ending):
     assert not [line for line in own_lines(node.output) if 'Traceback' in line or 'Error' in line]
 
 
-def segments():
-    """Files of Fast DDS in /dev/shm that this process has opened."""
-    names = (line.split()[-1] for line in Path('/proc/self/maps').read_text().splitlines() if '/dev/shm/fast' in line)
-    return {Path(name) for name in names if 'port' not in name and Path(name).exists()}
-
-
 def test_when_it_has_spun_it_leaves_no_shared_memory_whoever_still_holds_its_executor(monkeypatch):
     held = []
     monkeypatch.setattr('manta_sim_ros.nodes.sim_node.executor', lambda of: held.append(executor(of)) or held[0])
-    before, context, ending = segments(), Context(), Future()
+    before, context, ending = shared_memory_of('self'), Context(), Future()
     context.init(['--ros-args', '-r', '__ns:=/spun', *OWN_CLOCK.split()])
     node = SimNode(context)
     node.create_timer(0.05, lambda: ending.set_result(None))
     node.start()
     node.spin(ending)
-    made = segments() - before
+    made = shared_memory_of('self') - before
     assert context.ok() and made and held
     node.destroy_node()
-    assert not segments() & made
+    assert not any(file.exists() for file in made)
     context.try_shutdown()
 
 
