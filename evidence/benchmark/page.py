@@ -106,7 +106,7 @@ The resident memory is {kept["before [MiB]"]:.1f} MiB before and {kept["after [M
         '## The node',
         prose("""
 A bare node of rclpy has one timer and publishes one `Odometry` at 100 Hz. It runs at the same time as `sim_node`, which
-publishes all its topics at that rate. Nobody listens to either of them, unless it is said."""),
+publishes all its topics at that rate. Nobody listens to either of them, unless the row says so."""),
         table(('sim_node', 'value', 'wanted, at most'), (
             ('first start to first message, kernels not compiled [s]', f'{node["first start [s]"]:.1f}', ''),
             ('later start to first message [s]', f'{node["warm start [s]"]:.2f}', '1.2'),

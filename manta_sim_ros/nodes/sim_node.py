@@ -140,7 +140,7 @@ class SimNode(ParameterNode):
     def spin(self, ending: Future[None] | None = None) -> None:
         """Simulate on the steady clock and run callbacks in between, until the context is shut down.
 
-        If a future is given, it ends when that is done, too.
+        If a future is given, `spin` also returns when that is done.
 
         A timer of rclpy stays in phase: ticks that take somewhat longer than their period would come at half the rate.
         """
@@ -150,11 +150,11 @@ class SimNode(ParameterNode):
         ending.add_done_callback(lambda _: callbacks.wake())
         try:
             while self.context.ok() and not ending.done():
-                self._go_on(callbacks)
+                self._spin_once(callbacks)
         finally:
             callbacks.shutdown()  # else it holds the entities of the node, which is not destroyed then
 
-    def _go_on(self, callbacks: Executor) -> None:
+    def _spin_once(self, callbacks: Executor) -> None:
         began = time.monotonic()
         if self._time_to_tick(began) <= 0.0:
             self._tick()

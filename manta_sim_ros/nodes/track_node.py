@@ -119,7 +119,10 @@ class TrackNode(ParameterNode):
 
 
 def swim(node: TrackNode, ending: Future[None]) -> None:
-    """Spin until the swim has ended, then report it, but not if the process is to end: status 1 for a lost track."""
+    """Spin until the swim has ended, then report it; the exit status is 1 if the track was lost.
+
+    When the process is to end before, nothing is reported.
+    """
     ending.add_done_callback(lambda _: node.end(''))
     rclpy.spin_until_future_complete(node, node.ended)
     if ending.done():
