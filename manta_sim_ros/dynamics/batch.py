@@ -6,7 +6,8 @@ import contextlib
 import os
 import threading
 import warnings
-from collections.abc import Iterator, Sequence
+from collections import deque
+from collections.abc import Generator, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any, overload
 
@@ -26,6 +27,9 @@ from manta_sim_ros.dynamics.state import State
 
 MOST_LINKS = 100
 """Links of a fin up to which robots are simulated together: with more, several robots do not fit into the cache."""
+
+LINK_STEPS_IN_TURN = 100_000
+"""Steps times links that a core takes of one block before it looks for another, so that all cores end together."""
 
 _Packed = tuple['list[_Robot]', packed.Pack]
 """Robots, and their pack as the last interval left it."""
@@ -90,10 +94,11 @@ def simulate_batch(
     robots = _robots(parameters, states, commands)
     intervals = [robot.intervals(duration, every) for robot in robots]
     _warn_once(robots)
-    blocks, stop = _blocks(robots), threading.Event()
-    with ThreadPoolExecutor(max(1, min(_cores(), len(blocks)))) as pool:
+    waiting = deque(_turns(block, intervals[block[0].index]) for block in _blocks(robots))
+    cores, stop = max(1, min(_cores(), len(waiting))), threading.Event()
+    with ThreadPoolExecutor(cores) as pool:
         try:
-            list(pool.map(lambda block: _advance(block, intervals[block[0].index], stop), blocks))
+            list(pool.map(lambda _: _take_turns(waiting, stop), range(cores)))
         except BaseException:  # also Ctrl-C, which comes to this thread
             stop.set()
             raise
@@ -157,12 +162,20 @@ class _Robot(Simulator):
             fin.chains, fin.links, solver.time_step, solver.fixed_base, known.body.moves_water,
             known.fin.added_mass > 0.0, known.fin.twist_stiffness > 0.0 or known.fin.twist_damping > 0.0)
 
-    def advance_alone(self, steps: int) -> None:
-        """Advance by so many steps, or keep the error if the robot diverges."""
-        try:
-            self.advance(steps * self.parameters.solver.time_step)
-        except DivergenceError as error:
-            self.error = error
+    @property
+    def links(self) -> int:
+        """The links of both fins."""
+        return self.state.joint_angles.size
+
+    def advance_alone(self, steps: int) -> Iterator[None]:
+        """Advance by so many steps, or keep the error if the robot diverges; yield after each turn."""
+        for turn in _in_turns(steps, self.links):
+            try:
+                self.advance(turn * self.parameters.solver.time_step)
+            except DivergenceError as error:
+                self.error = error
+                return
+            yield
 
     def member(self) -> tuple[Constants, FloatArray, Motion]:
         """Return what a pack needs of this robot."""
@@ -187,22 +200,33 @@ def _blocks(robots: list[_Robot]) -> list[list[_Robot]]:
     return [alike[start:start + ROBOTS] for alike in kinds.values() for start in range(0, len(alike), ROBOTS)]
 
 
-def _advance(block: list[_Robot], intervals: list[int], stop: threading.Event) -> None:
-    """Advance a block by intervals of so many steps, and record the states after them."""
-    links = sum(robot.state.joint_angles.size for robot in block)
-    at_once = max(1, LINK_STEPS_AT_ONCE // links)
+def _take_turns(waiting: deque[Iterator[None]], stop: threading.Event) -> None:
+    """Take a turn of the block that has waited longest, and so on until none waits."""
+    while not stop.is_set():
+        try:
+            turns = waiting.popleft()
+        except IndexError:
+            return
+        with contextlib.suppress(StopIteration):
+            next(turns)
+            waiting.append(turns)
+
+
+def _turns(block: list[_Robot], intervals: list[int]) -> Iterator[None]:
+    """Advance a block by intervals of so many steps, and record the states after them; yield after each turn."""
+    at_once = max(1, LINK_STEPS_AT_ONCE // sum(robot.links for robot in block))
     packed_before: _Packed | None = None
     for steps in intervals:
         for taken in range(0, steps, at_once):
-            if stop.is_set():
-                return
-            packed_before = _advance_together(
+            packed_before = yield from _advance_together(
                 [robot for robot in block if robot.error is None], min(steps - taken, at_once), packed_before)
         for robot in block:
             robot.record.append(robot.state)
 
 
-def _advance_together(robots: list[_Robot], steps: int, before: _Packed | None) -> _Packed | None:
+def _advance_together(
+    robots: list[_Robot], steps: int, before: _Packed | None,
+) -> Generator[None, None, _Packed | None]:
     """Advance a block by so many steps: together, but for robots that diverge or come near the surface.
 
     Return the robots with their pack if they can go on in it next time, as `before`.
@@ -210,17 +234,28 @@ def _advance_together(robots: list[_Robot], steps: int, before: _Packed | None) 
     while len(robots) > ROBOTS // 2:  # fewer are faster one after the other
         pack = before[1] if before is not None and before[0] == robots else packed.pack_of(
             [robot.member() for robot in robots])
-        with announced_compilation():
-            failed = packed.advance(pack, steps)
+        failed = -1
+        for turn in _in_turns(steps, ROBOTS * robots[0].links):
+            with announced_compilation():
+                failed = packed.advance(pack, turn)
+            if failed >= 0:
+                break
+            yield
         if failed < 0:
             for robot, motion in zip(robots, packed.motions_of(pack), strict=False):  # a pack is filled up
                 robot.go_on(motion, steps)
             return robots, pack
-        alone = robots.pop(min(failed, len(robots) - 1))
-        alone.advance_alone(steps)
+        yield from robots.pop(min(failed, len(robots) - 1)).advance_alone(steps)
     for robot in robots:
-        robot.advance_alone(steps)
+        yield from robot.advance_alone(steps)
     return None
+
+
+def _in_turns(steps: int, links: int) -> Iterator[int]:
+    """Divide steps among turns."""
+    most = max(1, LINK_STEPS_IN_TURN // links)
+    for taken in range(0, steps, most):
+        yield min(steps - taken, most)
 
 
 def _robots(

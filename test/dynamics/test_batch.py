@@ -2,6 +2,7 @@
 
 import dataclasses
 import re
+import signal
 import sys
 import threading
 import time
@@ -23,6 +24,7 @@ from manta_sim_ros.dynamics import (
     State,
     simulate_batch,
 )
+from manta_sim_ros.dynamics._kernels import packed
 from manta_sim_ros.dynamics._kernels.compilation import KERNEL_OPTIONS, kernel
 
 ROUNDING = 1e-12
@@ -237,6 +239,89 @@ def test_the_number_of_cores_does_not_matter(monkeypatch, cores):
     monkeypatch.setattr('manta_sim_ros.dynamics.batch._cores', lambda: cores)
     for one, other in zip(simulate_batch(parameters, states, commands, 0.1), expected):
         assert bits(one) == bits(other)
+
+
+@pytest.mark.filterwarnings('ignore::manta_sim_ros.dynamics.StabilityWarning')
+def test_the_length_of_a_turn_does_not_matter(monkeypatch):
+    stiff = sized(12, 3, fin={'youngs_modulus': 1e11})  # diverges
+    parameters = [sized(12, 3)] * 7 + [stiff] + [sized(12, 3, solver={'coupling': MONOLITHIC})]
+    states = [State.at_rest(each) for each in parameters]
+    commands = [(SWIM, TURN)] * len(states)
+
+    def results():
+        return simulate_batch(parameters, states, commands, 0.1, every=0.05)
+
+    expected = results()
+    monkeypatch.setattr('manta_sim_ros.dynamics.batch.LINK_STEPS_IN_TURN', 7 * 8 * 2 * 12 * 3)  # 7 steps of 8 robots
+    for record, before in zip(results(), expected):
+        if type(before) is DivergenceError:
+            assert str(record) == str(before)
+        else:
+            assert [bits(state) for state in record] == [bits(state) for state in before]
+    assert [type(record) is DivergenceError for record in expected] == [False] * 7 + [True, False]
+
+
+IN_TURN = 10
+TURNS_OF = [SMALL.replace(body={'mass': mass}) for mass in (20.0, 21.0, 22.0) for _ in range(8)]
+"""Parameters of robots that are simulated in three blocks."""
+
+
+@pytest.fixture
+def one_core(monkeypatch):
+    """Let one core advance `TURNS_OF` in turns of `IN_TURN` steps, and return a function that sets what a turn does."""
+    monkeypatch.setattr('manta_sim_ros.dynamics.batch._cores', lambda: 1)
+    monkeypatch.setattr('manta_sim_ros.dynamics.batch.LINK_STEPS_IN_TURN', IN_TURN * 8 * 2 * 4 * 2)
+    return lambda turn: monkeypatch.setattr(packed, 'advance', turn)
+
+
+def advance_in_blocks(turns):
+    """Advance the robots of `TURNS_OF` by so many turns."""
+    duration = turns * IN_TURN * SMALL.solver.time_step
+    return simulate_batch(TURNS_OF, [State.at_rest(SMALL)] * len(TURNS_OF), None, duration)
+
+
+def test_blocks_take_turns_so_that_all_cores_end_together(one_core):
+    advance, turns = packed.advance, []
+
+    def recorded(pack, steps):
+        turns.append((pack.bodies.values[0, 0], steps))  # the mass
+        return advance(pack, steps)
+
+    one_core(recorded)
+    advance_in_blocks(3)
+    assert turns == [(20.0, IN_TURN), (21.0, IN_TURN), (22.0, IN_TURN)] * 3
+
+
+def test_a_signal_ends_a_batch_after_a_turn(one_core):
+    def end(signum, frame):
+        raise InterruptedError
+
+    turns, most = [], 10**5
+
+    def interrupted(pack, steps):
+        turns.append(steps)
+        if len(turns) == 5:
+            signal.pthread_kill(threading.main_thread().ident, signal.SIGUSR1)
+        time.sleep(1e-4)  # all turns would take more than half a minute
+        return -1
+
+    one_core(interrupted)
+    before = signal.signal(signal.SIGUSR1, end)
+    try:
+        with pytest.raises(InterruptedError):
+            advance_in_blocks(most)
+    finally:
+        signal.signal(signal.SIGUSR1, before)
+    assert 5 <= len(turns) < 3 * most
+
+
+def test_what_goes_wrong_in_a_block_is_not_lost(one_core):
+    def failing(pack, steps):
+        raise IndexError('broken')
+
+    one_core(failing)
+    with pytest.raises(IndexError, match='broken'):
+        advance_in_blocks(3)
 
 
 def test_robots_whose_rods_follow_servos_move_as_alone():
