@@ -33,6 +33,7 @@ TWISTED = {8: 3.8e6, 12: 3.8e6, 30: 4e5}  # Pa, shear modulus for each number of
 CONFIG = Path(__file__).parents[2] / 'config'
 CONFIGURATIONS = ('manta', 'freshwater')  # files in config/
 ROBOTS, CHAINS_OF_MANY = 64, 12  # simulated together; chains of each of their fins
+CHAINS_OF_WIDE = 8 * CHAINS_OF_MANY  # of one robot whose chains are as many as those of the robots side by side
 SHORT_STEP = 1e-6  # s, stable for the shortest links; a step costs the same whatever its length
 
 Timings = dict[str, FloatArray]  # of each program, seconds per call in each round
@@ -203,7 +204,8 @@ def batches(quick: bool) -> dict[str, float]:
     """Return the robot-steps per second of many small robots, in elapsed time, and their ratios.
 
     Programs: `advance` of each robot in turn on one core, `simulate_batch` on one and on all cores, and MuJoCo's
-    threaded rollout of the same trees on all cores.
+    threaded rollout of the same trees on all cores. One robot with the chains of many tells what the chains alone take,
+    and so how much a batch could gain if nothing else took time.
     """
     parameters = Parameters().replace(fin={'chains': CHAINS_OF_MANY})
     cores = sorted(os.sched_getaffinity(0))
@@ -218,17 +220,20 @@ def batches(quick: bool) -> dict[str, float]:
     starts = np.tile(start, (ROBOTS, 1))
     mujoco_steps, threads = max(1, steps // 20), [mujoco.MjData(model) for _ in cores]
 
+    wide = swimming(parameters.replace(fin={'chains': CHAINS_OF_WIDE}), lead_in=2.0)
+
     def in_turn() -> None:
         for simulator in simulators:
             simulator.advance(duration)
 
     with rollout.Rollout(nthread=len(cores)) as pool:
         programs: dict[str, tuple[list[int], int, Callable[[], object]]] = {
-            'advance in turn, one core': (cores[-1:], steps, in_turn),
-            'batch, one core': (cores[-1:], steps, lambda: simulate_batch(parameters, states, None, duration)),
-            'batch, all cores': (cores, steps, lambda: simulate_batch(parameters, states, None, duration)),
+            'advance in turn, one core': (cores[-1:], ROBOTS * steps, in_turn),
+            'advance of one wide robot, one core': (cores[-1:], 4 * steps, lambda: wide.advance(4 * duration)),
+            'batch, one core': (cores[-1:], ROBOTS * steps, lambda: simulate_batch(parameters, states, None, duration)),
+            'batch, all cores': (cores, ROBOTS * steps, lambda: simulate_batch(parameters, states, None, duration)),
             'mujoco rollout, all cores': (
-                cores, mujoco_steps, lambda: pool.rollout(model, threads, starts, nstep=mujoco_steps)),
+                cores, ROBOTS * mujoco_steps, lambda: pool.rollout(model, threads, starts, nstep=mujoco_steps)),
         }
         rates: dict[str, list[float]] = {name: [] for name in programs}
         for _ in range(3 if quick else 9):
@@ -236,10 +241,13 @@ def batches(quick: bool) -> dict[str, float]:
                 os.sched_setaffinity(0, used)
                 began = time.monotonic()
                 run()
-                rates[name].append(ROBOTS * count / (time.monotonic() - began))
+                rates[name].append(count / (time.monotonic() - began))
     os.sched_setaffinity(0, cores)
     of = {name: np.array(values[1:]) for name, values in rates.items()}
+    small, large = 1.0 / of['advance in turn, one core'], 1.0 / of['advance of one wide robot, one core']
+    chains_alone = (large - small) * CHAINS_OF_MANY / (CHAINS_OF_WIDE - CHAINS_OF_MANY)
     figures = of | {
+        'most that a batch could gain': small / chains_alone,
         'batch / advance in turn, one core': of['batch, one core'] / of['advance in turn, one core'],
         'all cores / one core': of['batch, all cores'] / of['batch, one core'],
         'batch / mujoco rollout': of['batch, all cores'] / of['mujoco rollout, all cores'],
