@@ -36,9 +36,9 @@ setup(
         'control': ['casadi', 'textual'],
         'figures': ['matplotlib', 'pillow', 'tqdm'],
         'learn': ['cma', 'gymnasium'],
-        'studies': ['matplotlib', 'plotly', 'pyarrow', 'rosbags', 'tqdm'],
+        'studies': ['matplotlib', 'mcap', 'plotly', 'pyarrow', 'rosbags', 'tqdm'],
         'test': [
-            'casadi', 'cma', 'gymnasium', 'hypothesis', 'matplotlib', 'pillow', 'plotly', 'pyarrow', 'pytest',
+            'casadi', 'cma', 'gymnasium', 'hypothesis', 'matplotlib', 'mcap', 'pillow', 'plotly', 'pyarrow', 'pytest',
             'pytest-xdist', 'rosbags', 'textual', 'tqdm'],
     },
     zip_safe=False,  # Numba keeps compiled kernels beside the modules.

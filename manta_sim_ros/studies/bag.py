@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
+import os
+import tempfile
+import warnings
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 from types import TracebackType
-from typing import Any, NamedTuple, cast
+from typing import IO, Any, NamedTuple, cast
 
 from rosbags.highlevel import AnyReader
 from rosbags.interfaces import Connection, Qos, QosDurability, QosHistory, QosLiveliness, QosReliability, QosTime
@@ -27,6 +31,9 @@ UNLIMITED = QosTime(9_223_372_036, 854_775_807)
 SETTINGS = 'manta_sim_parameters'
 """The key of the parameters in the custom data of `metadata.yaml`: a JSON object of full names and values."""
 
+MAGIC = b'\x89MCAP0\r\n'
+"""The first and the last bytes of a file in the format MCAP."""
+
 OF_A_ROBOT = ('odom', 'fin_command', 'rod_command')
 """The topics by which a robot is found in a bag."""
 
@@ -35,6 +42,10 @@ def check_new(path: Path) -> None:
     """Raise a ValueError if there is something at the path of an output."""
     if path.exists() or path.is_symlink():
         raise ValueError(f'{path} exists, but the output must be new')
+
+
+class RecordingWarning(UserWarning):
+    """A bag has no end, because its recorder was killed or still runs: what is in its file is read."""
 
 
 class BagWriter:
@@ -66,6 +77,8 @@ class BagWriter:
 
     def __enter__(self) -> BagWriter:
         self._writer.open()
+        storage = cast(McapWriter, self._writer.storage)
+        storage.path = storage.path.rename(storage.path.with_stem(f'{storage.path.stem}_0'))  # for ros2 bag reindex
         return self
 
     def __exit__(
@@ -85,7 +98,7 @@ class BagWriter:
     def write(self, name: str, time: int, data: bytes) -> None:
         """Write a serialized message of a topic at a time [ns]."""
         self._writer.write(self._connections[name], time, data)
-        cast(McapWriter, self._writer.storage).bio.flush()  # so that the file always ends with a whole record
+        cast(McapWriter, self._writer.storage).bio.flush()  # so that the file ends with a whole record
 
 
 class Logged(NamedTuple):
@@ -101,6 +114,9 @@ class Logged(NamedTuple):
 
 class BagReader:
     """The topics of one robot in a bag of rosbag2, whoever recorded it.
+
+    Of a recorder that was killed or still runs, a bag of one file in the format MCAP is read as far as it is written,
+    and a RecordingWarning is given.
 
     Parameters
     ----------
@@ -121,22 +137,20 @@ class BagReader:
         self._path, self._namespace = Path(path), namespace
 
     def __enter__(self) -> BagReader:
-        try:
-            self._reader = AnyReader([self._path], default_typestore=TYPES)
-            self._reader.open()
-        except Exception as error:  # rosbags raises errors of any kind where a file is damaged
-            raise self._unreadable(error) from error
-        try:
+        with contextlib.ExitStack() as opened:
+            try:
+                path = _with_end(self._path, opened)
+                self._reader = opened.enter_context(AnyReader([path], default_typestore=TYPES))
+            except Exception as error:  # rosbags raises errors of any kind where a file is damaged
+                raise self._unreadable(error) from error
             self._connections = self._of_robot()
-        except ValueError:
-            self._reader.close()
-            raise
+            self._opened = opened.pop_all()
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None,
     ) -> None:
-        self._reader.close()
+        self._opened.close()
 
     @property
     def names(self) -> set[str]:
@@ -210,5 +224,57 @@ class BagReader:
 
     def _unreadable(self, error: Exception) -> ValueError:
         reason = cut(' '.join(str(error).split()) or type(error).__name__)
-        cure = '; if its recorder was killed, ros2 bag reindex mends it' if self._path.exists() else ''
+        incomplete = self._path.is_dir() and not (self._path / 'metadata.yaml').exists()
+        cure = '; ros2 bag reindex can make its metadata.yaml' if incomplete else ''
         return ValueError(f'{self._path}: cannot be read as a bag: {reason}{cure}')
+
+
+def _with_end(path: Path, opened: contextlib.ExitStack) -> Path:
+    """Return the path of a bag, or of a copy of its only file that has an end and an index if that has none.
+
+    The copy goes when `opened` is closed.
+    """
+    files = list(path.glob('*.mcap')) if path.is_dir() else [path]
+    if len(files) != 1 or files[0].suffix != '.mcap':
+        return path
+    (file,) = files
+    with file.open('rb') as stream:
+        if stream.read(len(MAGIC)) != MAGIC:
+            return path
+        stream.seek(-len(MAGIC), os.SEEK_END)
+        if stream.read() == MAGIC:
+            return path if (path / 'metadata.yaml').exists() else file
+        stream.seek(0)
+        copy = Path(opened.enter_context(tempfile.TemporaryDirectory(prefix='manta_sim_ros-')), file.name)
+        if not _copy(stream, copy):
+            return path
+    warnings.warn(
+        f'{file}: has no end, because its recorder was killed or still runs: it is read as far as it is written',
+        RecordingWarning, stacklevel=4)
+    return copy
+
+
+def _copy(stream: IO[bytes], path: Path) -> int:
+    """Copy the messages of a file in the format MCAP, as many as can be read, and return their number."""
+    import mcap.reader
+    import mcap.writer
+
+    messages = mcap.reader.NonSeekingReader(stream).iter_messages(log_time_order=False)
+    count, channels = 0, {}
+    with path.open('wb') as copy:
+        writer = mcap.writer.Writer(copy, compression=mcap.writer.CompressionType.NONE)
+        writer.start('ros2')
+        while True:
+            try:
+                schema, channel, message = next(messages)
+            except Exception:  # of any kind where the file is cut
+                break
+            if channel.id not in channels:
+                kind = 0 if schema is None else writer.register_schema(schema.name, schema.encoding, schema.data)
+                channels[channel.id] = writer.register_channel(
+                    channel.topic, channel.message_encoding, kind, channel.metadata)
+            writer.add_message(
+                channels[channel.id], message.log_time, message.data, message.publish_time, message.sequence)
+            count += 1
+        writer.finish()  # type: ignore[no-untyped-call]
+    return count

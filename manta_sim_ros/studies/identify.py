@@ -21,6 +21,7 @@ from manta_sim_ros.figures.jobs import say
 from manta_sim_ros.figures.style import save_png
 from manta_sim_ros.nodes.settings import Settings
 from manta_sim_ros.studies.arguments import Parser, read_settings
+from manta_sim_ros.studies.bag import RecordingWarning
 from manta_sim_ros.studies.design import design
 from manta_sim_ros.studies.gaits import ORDER
 from manta_sim_ros.studies.identification import (
@@ -128,7 +129,7 @@ def main(args: Sequence[str] | None = None) -> None:
     seen: set[type[Warning]] = set()
 
     def show(message: Warning | str, category: type[Warning], *_: Any, **__: Any) -> None:
-        if category not in seen:  # each simulation would give it again
+        if category not in seen or category is RecordingWarning:  # each simulation would give the others again
             tqdm.write(f'{parser.prog}: {message}', sys.stderr)
         seen.add(category)
 

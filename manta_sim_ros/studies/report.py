@@ -9,6 +9,7 @@ import json
 import math
 import string
 import sys
+import warnings
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -271,7 +272,9 @@ def main(args: Sequence[str] | None = None) -> None:
     try:
         check_new(options.output)
         settings = None if options.config is None else read_settings(options.config)
-        swim = read_swim(options.bag, settings, options.namespace)
+        with warnings.catch_warnings():
+            warnings.showwarning = lambda message, *_, **__: print(f'{parser.prog}: {message}', file=sys.stderr)
+            swim = read_swim(options.bag, settings, options.namespace)
     except (OSError, ValueError) as error:
         parser.error(str(error))
     try:

@@ -358,6 +358,16 @@ def test_wrong_arguments_are_refused_with_status_2_and_one_line(folder, argument
     assert sorted(os.listdir()) == ['run.csv', 'start.yaml']
 
 
+def test_each_bag_of_a_killed_recorder_is_named_in_a_line(folder, capsys):
+    simulate(SETTINGS, constant_gait(STRAIGHT, MODEL), 0.2, folder / 'whole')
+    for name in ('a', 'b'):
+        (folder / f'{name}.mcap').write_bytes(next((folder / 'whole').glob('*.mcap')).read_bytes()[:-1])
+    with pytest.raises(SystemExit, match='^2$'):
+        main(['a.mcap', 'b.mcap', 'none.csv', '--free', DRAG, '--config', 'start.yaml'])
+    a, b, none = capsys.readouterr().err.splitlines()
+    assert 'identify: a.mcap: has no end' in a and 'identify: b.mcap: has no end' in b and 'none.csv' in none
+
+
 def test_what_the_data_cannot_say_ends_with_status_1_and_one_line(folder, capsys):
     write_table(folder / 'a.csv', measured(STRAIGHT, BODY, 0, {}, TANK, duration=1.0))
     (folder / 'start.yaml').write_text('/**:\n  ros__parameters: {fin.chains: 4, solver.fixed_base: true}\n')

@@ -218,6 +218,18 @@ def test_a_bag_that_a_recorder_of_the_running_node_wrote_gives_a_page(launch, pr
     assert 'drawn stiff' in (tmp_path / 'live.html').read_text('utf-8')
 
 
+def test_a_bag_of_a_killed_recorder_gives_a_page_and_one_line(bag, tmp_path, capsys):
+    (file,) = bag.glob('*.mcap')
+    cut, config = tmp_path / 'killed.mcap', tmp_path / 'chains.yaml'
+    cut.write_bytes(file.read_bytes()[:-1])
+    config.write_text(f'/manta_sim:\n  ros__parameters: {{fin.chains: {CHAINS}, fin.links: {LINKS}}}\n')
+    main([str(cut), '--output', str(tmp_path / 'page.html'), '--config', str(config)])
+    assert capsys.readouterr().err == (
+        f'report: {cut}: has no end, because its recorder was killed or still runs: it is read as far as it is '
+        'written\n')
+    assert 'killed.mcap' in (tmp_path / 'page.html').read_text('utf-8')
+
+
 def test_a_picture_for_print_is_drawn(bag, tmp_path):
     main([str(bag), '--output', str(tmp_path / 'made' / 'run.png'), '--format', 'png'])
     with Image.open(tmp_path / 'made' / 'run.png') as image:

@@ -2,9 +2,12 @@
 
 import contextlib
 import functools
+import itertools
 import json
 import math
 import os
+import re
+import shutil
 import signal
 import subprocess
 import time
@@ -15,6 +18,8 @@ import pytest
 from ament_index_python.packages import get_package_share_directory
 from mcap.exceptions import McapError
 from mcap.reader import NonSeekingReader, make_reader
+from mcap.writer import CompressionType
+from mcap.writer import Writer as McapWriter
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.serialization import deserialize_message, serialize_message
 from rosbags.rosbag2 import Reader, StoragePlugin, Writer
@@ -28,7 +33,7 @@ from manta_sim_ros.dynamics import Parameters
 from manta_sim_ros.nodes.interface import TOPICS
 from manta_sim_ros.nodes.qos import message_class
 from manta_sim_ros.nodes.settings import Settings
-from manta_sim_ros.studies.bag import TYPES, BagReader
+from manta_sim_ros.studies.bag import TYPES, BagReader, BagWriter, RecordingWarning
 from manta_sim_ros.studies.commands import COLUMNS, Command, constant_gait, read_commands, read_table
 from manta_sim_ros.studies.simulate import SimulationWarning, main, simulate
 
@@ -280,19 +285,111 @@ def running(path):
     return process
 
 
-def test_what_a_killed_process_has_written_are_whole_records_that_are_readable(tmp_path):
+def record_ends(data):
+    """Return where the records of a file in the format MCAP end, the last one perhaps beyond the data."""
+    ends = [8]
+    while ends[-1] < len(data):
+        ends.append(ends[-1] + 9 + int.from_bytes(data[ends[-1] + 1:ends[-1] + 9], 'little'))
+    return ends
+
+
+def logged(path):
+    """Return the times at which the messages of a bag without an end were logged [ns], by topic, and check the rest."""
+    folder, before = path if path.is_dir() else path.parent, sorted(path.rglob('*'))
+    data = next(folder.glob('*.mcap')).read_bytes()
+    with pytest.warns(RecordingWarning, match=f'^{next(folder.glob("*.mcap"))}: has no end, '), BagReader(path) as bag:
+        times = {name: [message.time for message in bag.messages([name])] for name in bag.names}
+    assert sorted(path.rglob('*')) == before and next(folder.glob('*.mcap')).read_bytes() == data
+    return times
+
+
+def test_what_a_killed_process_has_written_is_readable(tmp_path):
     process = running(tmp_path / 'run')
     process.kill()
     process.communicate(timeout=LIMIT)
-    data, end = (tmp_path / 'run' / 'run.mcap').read_bytes(), 8
-    while end < len(data):
-        end += 9 + int.from_bytes(data[end + 1:end + 9], 'little')
-    assert end == len(data)
+    times = logged(tmp_path / 'run')
+    assert len(times['/clock']) > 100
+    for name in ('odom', 'fin_wrench'):
+        assert abs(len(times[name]) - len(times['/clock'])) <= 1
     clocks = []
-    with (tmp_path / 'run' / 'run.mcap').open('rb') as file, contextlib.suppress(McapError):
+    with (tmp_path / 'run' / 'run_0.mcap').open('rb') as file, contextlib.suppress(McapError):
         for *_, message in NonSeekingReader(file).iter_messages(topics=['/clock'], log_time_order=False):
             clocks.append(deserialize_message(message.data, Clock).clock)
-    assert len(clocks) > 100
+    assert [clock.sec * SECOND + clock.nanosec for clock in clocks] == times['/clock']
+
+
+@pytest.fixture(scope='module')
+def long_run(tmp_path_factory):
+    """Return a bag of several chunks."""
+    path = tmp_path_factory.mktemp('long') / 'run'
+    simulate(Settings(), constant_gait([30, 30, 0.6, 0.6, 40, 40], Parameters()), 12.0, path)
+    return path
+
+
+@pytest.mark.parametrize('metadata', [False, True])
+def test_a_bag_that_is_cut_anywhere_is_read_up_to_the_last_whole_chunk(long_run, tmp_path, metadata):
+    data = (long_run / 'run_0.mcap').read_bytes()
+    chunks = [(start, end) for start, end in itertools.pairwise(record_ends(data)) if data[start] == 6]
+    assert len(chunks) >= 3
+    whole = contents(long_run)
+    for (_, first), (start, end) in itertools.pairwise(chunks):
+        for cut in (first, start, start + 5, (start + end) // 2, end - 1):
+            path = tmp_path / str(cut)
+            path.mkdir(exist_ok=True)
+            (path / 'run_0.mcap').write_bytes(data[:cut])
+            if metadata:
+                shutil.copy(long_run / 'metadata.yaml', path)
+            times = logged(path)
+            assert 0 < times['odom'][-1] < 12 * SECOND
+            assert times['odom'] == [time for time, _ in whole['/odom']][:len(times['odom'])]
+            assert times == logged(path / 'run_0.mcap')
+    assert len(times['odom']) > 0.5 * len(whole['/odom'])
+
+
+@pytest.mark.parametrize('compression', [CompressionType.NONE, CompressionType.LZ4])
+def test_a_cut_bag_of_a_recorder_that_logged_out_of_order_is_read_in_order(long_run, tmp_path, compression):
+    path, ids = tmp_path / 'bag.mcap', {}
+    with path.open('wb') as file, (long_run / 'run_0.mcap').open('rb') as source:
+        writer = McapWriter(file, chunk_size=10_000, compression=compression)
+        writer.start('ros2')
+        messages = list(make_reader(source).iter_messages(topics=['/odom', '/clock']))[:500]
+        for schema, channel, message in messages[::-1]:
+            if channel.topic not in ids:
+                kind = writer.register_schema(schema.name, schema.encoding, schema.data)
+                ids[channel.topic] = writer.register_channel(channel.topic, 'cdr', kind)
+            writer.add_message(ids[channel.topic], message.log_time, message.data, message.log_time)
+        writer.finish()
+    data = path.read_bytes()
+    last = [start for start in record_ends(data)[:-1] if data[start] == 6][-1]
+    path.write_bytes(data[:last + 100])
+    times = logged(path)
+    assert 200 < len(times['odom']) < 250 and times['odom'] == sorted(times['odom'])
+
+
+def test_a_whole_file_without_its_metadata_is_read(long_run, tmp_path):
+    shutil.copy(long_run / 'run_0.mcap', tmp_path)
+    with BagReader(tmp_path) as bag, BagReader(long_run) as complete:
+        assert list(bag.messages(['odom'])) == list(complete.messages(['odom']))
+
+
+def test_after_each_message_whole_records_are_on_the_disk(tmp_path):
+    noise = np.random.default_rng(1)
+    with BagWriter(tmp_path / 'run', Settings()) as bag:
+        bag.add_topic('odom', 10, keeps_last=False)
+        (file,), sizes = (tmp_path / 'run').iterdir(), set()
+        for time in range(40):
+            bag.write('odom', time, noise.bytes(100_000))
+            data = file.read_bytes()
+            assert record_ends(data)[-1] == len(data)
+            sizes.add(len(data))
+    assert len(sizes) >= 3
+
+
+def test_the_file_of_a_bag_has_a_name_that_reindexing_finds(long_run):
+    (file,) = long_run.glob('*.mcap')
+    assert re.fullmatch(r'.+_(\d+)\.([a-zA-Z0-9])+', file.name)  # what rosbag2_cpp looks for
+    with Reader(long_run) as reader:
+        assert reader.message_count == sum(map(len, contents(long_run).values()))
 
 
 WRONG_TABLES = [
