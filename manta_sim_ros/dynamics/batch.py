@@ -29,7 +29,10 @@ MOST_LINKS = 100
 """Links of a fin up to which robots are simulated together: with more, several robots do not fit into the cache."""
 
 LINK_STEPS_IN_TURN = 100_000
-"""Steps times links that a core takes of one block before it looks for another, so that all cores end together."""
+"""The most steps times links that a core takes of one block before it takes the next one: so all cores end together."""
+
+BLOCKS_IN_ROTATION = 16
+"""Blocks that take turns before others begin: each keeps up to a megabyte."""
 
 _Packed = tuple['list[_Robot]', packed.Pack]
 """Robots, and their pack as the last interval left it."""
@@ -129,6 +132,15 @@ class _Robot(Simulator):
     def _warn(self, message: str, category: type[Warning], stacklevel: int) -> None:
         self.warnings.setdefault(category, message)
 
+    def _warn_of_turn(self) -> None:
+        """Do nothing after a part of an interval."""
+
+    def end_interval(self) -> None:
+        """Record the state after an interval, and warn of it as `Simulator.advance` does."""
+        if self.error is None:
+            super()._warn_of_turn()
+        self.record.append(self.state)
+
     @contextlib.contextmanager
     def _named(self) -> Iterator[None]:
         """Name the robot in a refusal."""
@@ -189,11 +201,10 @@ class _Robot(Simulator):
         self._go_on(
             motion, time=before.start_time + count * time_step, step_count=count, current_deviation=np.zeros(3),
             servos=before.servos)
-        self._warn_of_turn()
 
 
 def _blocks(robots: list[_Robot]) -> list[list[_Robot]]:
-    """Return the robots in blocks of one kind, of which each is simulated on one core."""
+    """Return the robots in blocks of one kind, of which each is simulated on one core at a time."""
     kinds: dict[tuple[object, ...], list[_Robot]] = {}
     for robot in robots:
         kinds.setdefault(robot.kind or (robot.index,), []).append(robot)
@@ -201,15 +212,20 @@ def _blocks(robots: list[_Robot]) -> list[list[_Robot]]:
 
 
 def _take_turns(waiting: deque[Iterator[None]], stop: threading.Event) -> None:
-    """Take a turn of the block that has waited longest, and so on until none waits."""
+    """Advance the block that has waited longest by one turn, and so on until no block waits or `stop` is set."""
     while not stop.is_set():
         try:
             turns = waiting.popleft()
         except IndexError:
             return
-        with contextlib.suppress(StopIteration):
+        try:
             next(turns)
-            waiting.append(turns)
+        except StopIteration:
+            continue
+        except BaseException:
+            stop.set()
+            raise
+        waiting.insert(BLOCKS_IN_ROTATION, turns)
 
 
 def _turns(block: list[_Robot], intervals: list[int]) -> Iterator[None]:
@@ -221,7 +237,7 @@ def _turns(block: list[_Robot], intervals: list[int]) -> Iterator[None]:
             packed_before = yield from _advance_together(
                 [robot for robot in block if robot.error is None], min(steps - taken, at_once), packed_before)
         for robot in block:
-            robot.record.append(robot.state)
+            robot.end_interval()
 
 
 def _advance_together(
@@ -252,7 +268,7 @@ def _advance_together(
 
 
 def _in_turns(steps: int, links: int) -> Iterator[int]:
-    """Divide steps among turns."""
+    """Yield the steps of each turn."""
     most = max(1, LINK_STEPS_IN_TURN // links)
     for taken in range(0, steps, most):
         yield min(steps - taken, most)

@@ -31,6 +31,9 @@ ROUNDING = 1e-12
 """Largest difference of a robot in a batch and alone, relative to the largest entry of a field: interface.md."""
 
 SMALL = sized(4, 2)
+STIFF = 1e9
+"""Young's modulus [Pa] with which a robot diverges, but not at once."""
+
 UNSTABLE = SMALL.replace(solver={'time_step': 0.016}, fin={'links': 3})
 
 
@@ -243,22 +246,27 @@ def test_the_number_of_cores_does_not_matter(monkeypatch, cores):
 
 @pytest.mark.filterwarnings('ignore::manta_sim_ros.dynamics.StabilityWarning')
 def test_the_length_of_a_turn_does_not_matter(monkeypatch):
-    stiff = sized(12, 3, fin={'youngs_modulus': 1e11})  # diverges
-    parameters = [sized(12, 3)] * 7 + [stiff] + [sized(12, 3, solver={'coupling': MONOLITHIC})]
+    parameters = [sized(12, 3)] * 7 + [
+        sized(12, 3, fin={'youngs_modulus': STIFF}), sized(12, 3, solver={'coupling': MONOLITHIC}),
+        sized(12, 3, water={'current_deviation': (0.1, 0.1, 0.1), 'current_seed': 3}), sized(12, 3)]
     states = [State.at_rest(each) for each in parameters]
-    commands = [(SWIM, TURN)] * len(states)
+    servos = Simulator(parameters[-1])
+    servos.command_rods(left=(0.3, 0.2), right=(0.1, -0.1))
+    states[-1] = servos.state
+    commands = [(SWIM, TURN)] * (len(states) - 1) + [None]
 
     def results():
-        return simulate_batch(parameters, states, commands, 0.1, every=0.05)
+        return simulate_batch(parameters, states, commands, 0.2, every=0.1)
 
     expected = results()
-    monkeypatch.setattr('manta_sim_ros.dynamics.batch.LINK_STEPS_IN_TURN', 7 * 8 * 2 * 12 * 3)  # 7 steps of 8 robots
+    monkeypatch.setattr('manta_sim_ros.dynamics.batch.LINK_STEPS_IN_TURN', 8 * 2 * 12 * 3)  # one step of 8
     for record, before in zip(results(), expected):
         if type(before) is DivergenceError:
             assert str(record) == str(before)
         else:
             assert [bits(state) for state in record] == [bits(state) for state in before]
-    assert [type(record) is DivergenceError for record in expected] == [False] * 7 + [True, False]
+    assert [type(record) is DivergenceError for record in expected] == [False] * 7 + [True] + [False] * 3
+    assert float(str(expected[7]).split()[1]) > 5 * SMALL.solver.time_step  # after some turns
 
 
 IN_TURN = 10
@@ -312,16 +320,47 @@ def test_a_signal_ends_a_batch_after_a_turn(one_core):
             advance_in_blocks(most)
     finally:
         signal.signal(signal.SIGUSR1, before)
-    assert 5 <= len(turns) < 3 * most
+    assert 5 <= len(turns) < 10_000
 
 
-def test_what_goes_wrong_in_a_block_is_not_lost(one_core):
+def test_what_goes_wrong_on_a_core_ends_the_others_and_is_not_lost(monkeypatch, one_core):
+    turns, most = [], 10**5
+
     def failing(pack, steps):
-        raise IndexError('broken')
+        turns.append(steps)
+        if threading.current_thread().name.endswith('_1'):  # not the one that is waited for first
+            raise IndexError('broken')
+        time.sleep(1e-4)
+        return -1
 
     one_core(failing)
+    monkeypatch.setattr('manta_sim_ros.dynamics.batch._cores', lambda: 2)
     with pytest.raises(IndexError, match='broken'):
-        advance_in_blocks(3)
+        advance_in_blocks(most)
+    assert len(turns) < 10_000
+
+
+def test_no_more_than_some_blocks_are_begun_before_others_end(monkeypatch, one_core):
+    monkeypatch.setattr('manta_sim_ros.dynamics.batch.BLOCKS_IN_ROTATION', 1)
+    advance, masses = packed.advance, []
+
+    def recorded(pack, steps):
+        masses.append(pack.bodies.values[0, 0])
+        return advance(pack, steps)
+
+    one_core(recorded)
+    advance_in_blocks(3)
+    assert masses == [20.0, 21.0, 20.0, 21.0, 20.0, 21.0, 22.0, 22.0, 22.0]
+
+
+@pytest.mark.filterwarnings('error')
+def test_no_warning_comes_of_a_motion_within_an_interval(monkeypatch):
+    monkeypatch.setattr('manta_sim_ros.dynamics.batch.LINK_STEPS_IN_TURN', 20_000)  # 20 steps of 8 robots, 166 of one
+    turning = sized(30, 2, fin={'youngs_modulus': 1e6})
+    slow = FinCommand(0.1, 0.2, 0.5), FinCommand(0.05, 0.2, 0.5)
+    fast = dataclasses.replace(State.at_rest(turning), twist=np.array([3.0, 0.0, 0.0, 0.0, 0.0, 0.0]))
+    assert bits(simulate_batch(turning, [fast], [slow], 20.0)[0]) == bits(alone(turning, fast, slow, 20.0))
+    assert len(simulate_batch(turning, [fast] * 8, [slow] * 8, 20.0)) == 8
 
 
 def test_robots_whose_rods_follow_servos_move_as_alone():
