@@ -94,8 +94,9 @@ freedom; `aba` computes neither drag nor springs."""),
         prose(f"""
 Robot-steps per elapsed second of {ROBOTS} robots with {CHAINS_OF_MANY} chains. The rollout of MuJoCo is that of the
 same trees with its own drag. A robot alone already computes the chains of both fins side by side. On one core a
-batch saves only what a step takes beside them: it could be at most {batches["most that a batch could gain"]:.2f} times
-as fast as `advance` in turn, as the time of a robot with {CHAINS_OF_WIDE} chains shows."""),
+batch saves only what a step takes beside them. The time of a robot with {CHAINS_OF_WIDE} chains tells what the chains
+take: without anything else, a batch would be {batches["most that a batch could gain"]:.2f} times as fast as `advance`
+in turn. The 3 times that were wanted at first cannot be reached."""),
         table(('program', 'robot-steps per second'), (
             (name, f'{batches[name]:.0f}') for name in BATCHES)),
         table(('ratio', 'value', 'wanted, at least'), (
