@@ -80,7 +80,7 @@ def paper_figures() -> None:
 def simulate() -> None:
     """Simulate a swim into a bag."""
     os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
-    _run('studies.simulate', f'{NEEDS_STUDIES}; and {NEEDS_ROS}', packages=('rosbags', 'tqdm'), interrupted=130)
+    _run('studies.simulate', f'{NEEDS_STUDIES}; and {NEEDS_ROS}', packages=('mcap', 'rosbags', 'tqdm'), interrupted=130)
 
 
 def linearize() -> None:
@@ -97,13 +97,13 @@ def sweep() -> None:
 
 def report() -> None:
     """Make a page of a swim in a bag."""
-    _run('studies.report', NEEDS_STUDIES, packages=('matplotlib', 'plotly', 'rosbags'), interrupted=130)
+    _run('studies.report', NEEDS_STUDIES, packages=('matplotlib', 'mcap', 'plotly', 'rosbags'), interrupted=130)
 
 
 def identify() -> None:
     """Fit parameters of the model to measured runs."""
     os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
-    _run('studies.identify', NEEDS_STUDIES, packages=('matplotlib', 'rosbags', 'tqdm'), interrupted=130)
+    _run('studies.identify', NEEDS_STUDIES, packages=('matplotlib', 'mcap', 'rosbags', 'tqdm'), interrupted=130)
 
 
 def train_policy() -> None:

@@ -12,6 +12,8 @@ from pathlib import Path
 from types import TracebackType
 from typing import IO, Any, NamedTuple, cast
 
+import mcap.writer
+from mcap.reader import NonSeekingReader
 from rosbags.highlevel import AnyReader
 from rosbags.interfaces import Connection, Qos, QosDurability, QosHistory, QosLiveliness, QosReliability, QosTime
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, Reader, StoragePlugin, Writer
@@ -45,7 +47,7 @@ def check_new(path: Path) -> None:
 
 
 class RecordingWarning(UserWarning):
-    """A bag has no end, because its recorder was killed or still runs: what is in its file is read."""
+    """A bag has no end, as if its recorder was killed or still runs: it is read up to its last whole chunk."""
 
 
 class BagWriter:
@@ -98,7 +100,7 @@ class BagWriter:
     def write(self, name: str, time: int, data: bytes) -> None:
         """Write a serialized message of a topic at a time [ns]."""
         self._writer.write(self._connections[name], time, data)
-        cast(McapWriter, self._writer.storage).bio.flush()  # so that the file ends with a whole record
+        cast(McapWriter, self._writer.storage).bio.flush()  # so that what is on the disk ends with a whole record
 
 
 class Logged(NamedTuple):
@@ -115,8 +117,8 @@ class Logged(NamedTuple):
 class BagReader:
     """The topics of one robot in a bag of rosbag2, whoever recorded it.
 
-    Of a recorder that was killed or still runs, a bag of one file in the format MCAP is read as far as it is written,
-    and a RecordingWarning is given.
+    If the recorder was killed or still runs, a bag of one file in the format MCAP is read up to its last whole chunk,
+    with a RecordingWarning.
 
     Parameters
     ----------
@@ -139,10 +141,14 @@ class BagReader:
     def __enter__(self) -> BagReader:
         with contextlib.ExitStack() as opened:
             try:
-                path = _with_end(self._path, opened)
+                path, cut_file = _with_end(self._path, opened)
                 self._reader = opened.enter_context(AnyReader([path], default_typestore=TYPES))
             except Exception as error:  # rosbags raises errors of any kind where a file is damaged
                 raise self._unreadable(error) from error
+            if cut_file is not None:
+                warnings.warn(
+                    f'{cut_file}: has no end, as if its recorder was killed or still runs: it is read up to its last '
+                    'whole chunk', RecordingWarning, stacklevel=2)
             self._connections = self._of_robot()
             self._opened = opened.pop_all()
         return self
@@ -223,46 +229,50 @@ class BagReader:
         return found
 
     def _unreadable(self, error: Exception) -> ValueError:
-        reason = cut(' '.join(str(error).split()) or type(error).__name__)
-        incomplete = self._path.is_dir() and not (self._path / 'metadata.yaml').exists()
-        cure = '; ros2 bag reindex can make its metadata.yaml' if incomplete else ''
+        reason = cut(' '.join(str(error).split()).rstrip('.') or type(error).__name__)
+        cure = ''
+        if len(list(self._path.glob('*.mcap'))) > 1:
+            cure = '; each of its MCAP files can be read alone'
+        elif self._path.is_dir() and not (self._path / 'metadata.yaml').exists():
+            cure = '; ros2 bag reindex can make its metadata.yaml'
         return ValueError(f'{self._path}: cannot be read as a bag: {reason}{cure}')
 
 
-def _with_end(path: Path, opened: contextlib.ExitStack) -> Path:
-    """Return the path of a bag, or of a copy of its only file that has an end and an index if that has none.
+def _with_end(path: Path, opened: contextlib.ExitStack) -> tuple[Path, Path | None]:
+    """Return the path to read, and the only MCAP file of a bag if that has no end.
 
-    The copy goes when `opened` is closed.
+    To read is the bag, its only file if it has no metadata, or, if that file has no end, a temporary copy with an end
+    and an index. The copy is deleted when `opened` is closed.
     """
     files = list(path.glob('*.mcap')) if path.is_dir() else [path]
     if len(files) != 1 or files[0].suffix != '.mcap':
-        return path
+        return path, None
     (file,) = files
     with file.open('rb') as stream:
         if stream.read(len(MAGIC)) != MAGIC:
-            return path
+            raise ValueError(f'{file.name} is no MCAP file')
         stream.seek(-len(MAGIC), os.SEEK_END)
-        if stream.read() == MAGIC:
-            return path if (path / 'metadata.yaml').exists() else file
+        if stream.tell() > 0 and stream.read() == MAGIC:
+            return path if (path / 'metadata.yaml').exists() else file, None
         stream.seek(0)
         copy = Path(opened.enter_context(tempfile.TemporaryDirectory(prefix='manta_sim_ros-')), file.name)
-        if not _copy(stream, copy):
-            return path
-    warnings.warn(
-        f'{file}: has no end, because its recorder was killed or still runs: it is read as far as it is written',
-        RecordingWarning, stacklevel=4)
-    return copy
+        _copy(stream, copy)
+    return copy, file
 
 
-def _copy(stream: IO[bytes], path: Path) -> int:
-    """Copy the messages of a file in the format MCAP, as many as can be read, and return their number."""
-    import mcap.reader
-    import mcap.writer
+def _copy(stream: IO[bytes], path: Path) -> None:
+    """Copy the messages of a file in the format MCAP, as many as can be read.
 
-    messages = mcap.reader.NonSeekingReader(stream).iter_messages(log_time_order=False)
-    count, channels = 0, {}
+    Raises
+    ------
+    ValueError
+        There is none.
+
+    """
+    messages = NonSeekingReader(stream).iter_messages(log_time_order=False)
+    channels: dict[int, int] = {}
     with path.open('wb') as copy:
-        writer = mcap.writer.Writer(copy, compression=mcap.writer.CompressionType.NONE)
+        writer = mcap.writer.Writer(copy)
         writer.start('ros2')
         while True:
             try:
@@ -275,6 +285,6 @@ def _copy(stream: IO[bytes], path: Path) -> int:
                     channel.topic, channel.message_encoding, kind, channel.metadata)
             writer.add_message(
                 channels[channel.id], message.log_time, message.data, message.publish_time, message.sequence)
-            count += 1
         writer.finish()  # type: ignore[no-untyped-call]
-    return count
+    if not channels:
+        raise ValueError('it has no end and no whole chunk with a message')

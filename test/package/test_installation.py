@@ -98,6 +98,7 @@ print(manta_sim_ros.__file__, simulator.advance(2.0).position[0])
     ('paper_figures', ['PIL'], ['no module PIL', "pip install 'manta_sim_ros[figures]'"]),
     ('paper_figures', ['tqdm'], ['no module tqdm', "pip install 'manta_sim_ros[figures]'"]),
     ('mpc_follower', ['casadi'], ['no module casadi', "pip install 'manta_sim_ros[control]'"]),
+    ('report', ['mcap'], ['no module mcap', "pip install 'manta_sim_ros[studies]'"]),
     ('identify', ['rosbags'], ['no module rosbags', "pip install 'manta_sim_ros[studies]'"]),
     ('train_policy', ['gymnasium'], ['no module gymnasium', "pip install 'manta_sim_ros[learn]'"]),
     ('train_policy', ['cma'], ['no module cma', "pip install 'manta_sim_ros[learn]'"]),

@@ -225,8 +225,8 @@ def test_a_bag_of_a_killed_recorder_gives_a_page_and_one_line(bag, tmp_path, cap
     config.write_text(f'/manta_sim:\n  ros__parameters: {{fin.chains: {CHAINS}, fin.links: {LINKS}}}\n')
     main([str(cut), '--output', str(tmp_path / 'page.html'), '--config', str(config)])
     assert capsys.readouterr().err == (
-        f'report: {cut}: has no end, because its recorder was killed or still runs: it is read as far as it is '
-        'written\n')
+        f'report: {cut}: has no end, as if its recorder was killed or still runs: it is read up to its last whole '
+        'chunk\n')
     assert 'killed.mcap' in (tmp_path / 'page.html').read_text('utf-8')
 
 

@@ -295,11 +295,12 @@ def record_ends(data):
 
 def logged(path):
     """Return the times at which the messages of a bag without an end were logged [ns], by topic, and check the rest."""
-    folder, before = path if path.is_dir() else path.parent, sorted(path.rglob('*'))
-    data = next(folder.glob('*.mcap')).read_bytes()
-    with pytest.warns(RecordingWarning, match=f'^{next(folder.glob("*.mcap"))}: has no end, '), BagReader(path) as bag:
+    folder = path if path.is_dir() else path.parent
+    (file,), before = folder.glob('*.mcap'), sorted(folder.rglob('*'))
+    data = file.read_bytes()
+    with pytest.warns(RecordingWarning, match=f'^{re.escape(str(file))}: has no end, '), BagReader(path) as bag:
         times = {name: [message.time for message in bag.messages([name])] for name in bag.names}
-    assert sorted(path.rglob('*')) == before and next(folder.glob('*.mcap')).read_bytes() == data
+    assert sorted(folder.rglob('*')) == before and file.read_bytes() == data
     return times
 
 
@@ -373,16 +374,35 @@ def test_a_whole_file_without_its_metadata_is_read(long_run, tmp_path):
 
 
 def test_after_each_message_whole_records_are_on_the_disk(tmp_path):
-    noise = np.random.default_rng(1)
+    noise, names = np.random.default_rng(1), [name for name in TOPICS if name != '/tf'][:12]
     with BagWriter(tmp_path / 'run', Settings()) as bag:
-        bag.add_topic('odom', 10, keeps_last=False)
-        (file,), sizes = (tmp_path / 'run').iterdir(), set()
-        for time in range(40):
-            bag.write('odom', time, noise.bytes(100_000))
-            data = file.read_bytes()
-            assert record_ends(data)[-1] == len(data)
-            sizes.add(len(data))
-    assert len(sizes) >= 3
+        for name in names:
+            bag.add_topic(name, 10, keeps_last=False)
+        (file,), sizes = (tmp_path / 'run').iterdir(), [0]
+        for time, name in enumerate(names * 1000):
+            bag.write(name, time, noise.bytes(400))
+            if file.stat().st_size != sizes[-1]:
+                data = file.read_bytes()
+                assert record_ends(data)[-1] == len(data)
+                sizes.append(len(data))
+    assert len(sizes) >= 4
+
+
+@pytest.mark.parametrize('length', [0, 4, 8, 100])
+def test_what_has_no_whole_message_yet_is_refused(long_run, tmp_path, length):
+    (tmp_path / 'run_0.mcap').write_bytes((long_run / 'run_0.mcap').read_bytes()[:length])
+    refused = f'^{re.escape(str(tmp_path))}: cannot be read as a bag: '
+    with pytest.raises(ValueError, match=refused), BagReader(tmp_path):
+        pass
+
+
+def test_of_several_files_the_error_says_that_each_can_be_read(long_run, tmp_path):
+    for name in ('a_0.mcap', 'a_1.mcap'):
+        (tmp_path / name).write_bytes((long_run / 'run_0.mcap').read_bytes()[:-1])
+    with pytest.raises(ValueError, match='each of its MCAP files can be read alone$'), BagReader(tmp_path):
+        pass
+    with pytest.warns(RecordingWarning), BagReader(tmp_path / 'a_1.mcap') as bag:
+        assert len(list(bag.messages(['odom']))) == len(contents(long_run)['/odom'])
 
 
 def test_the_file_of_a_bag_has_a_name_that_reindexing_finds(long_run):
