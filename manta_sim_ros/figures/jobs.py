@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import concurrent.futures
+import contextlib
 import multiprocessing
 import os
 import queue
@@ -10,10 +11,13 @@ import signal
 import sys
 import threading
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from types import FrameType
 from typing import Any, NamedTuple, TextIO
 
 from tqdm import tqdm
+
+from manta_sim_ros.signals import ENDING
 
 Done = Callable[[], object]
 """Called after each part of a job."""
@@ -53,12 +57,13 @@ def run_jobs(jobs: Sequence[Job], processes: int | None = None) -> list[Any]:
         max(1, min(processes or len(os.sched_getaffinity(0)), len(jobs))), mp_context=context, initializer=_begin,
         initargs=(parts,))
     try:
-        with bar:
+        with bar, _signals_held() as let_signals_act:
             runs = {executor.submit(_timed, job): job for job in jobs}
             waiting = set(runs)
             while waiting:
                 finished, waiting = concurrent.futures.wait(
                     waiting, POLL, return_when=concurrent.futures.FIRST_COMPLETED)
+                let_signals_act()
                 bar.update(_taken(parts))
                 for run in finished:
                     seconds = run.result()[1]
@@ -73,6 +78,36 @@ def run_jobs(jobs: Sequence[Job], processes: int | None = None) -> list[Any]:
         raise
     executor.shutdown()
     return [run.result()[0] for run in runs]
+
+
+@contextlib.contextmanager
+def _signals_held() -> Iterator[Callable[[], None]]:
+    """Hold the signals that end the process until the function is called that is yielded.
+
+    Their handlers raise exceptions. At any instruction, that could leave the lock of a future taken, for which the
+    executor then waits without end. A thread other than the main one has no handlers.
+    """
+    came: list[tuple[int, FrameType | None]] = []
+    handlers: dict[int, Callable[[int, FrameType | None], Any]] = {}
+    if threading.current_thread() is threading.main_thread():
+        for ending in ENDING:
+            handler = signal.getsignal(ending)
+            if callable(handler):
+                handlers[ending] = handler
+                signal.signal(ending, lambda number, frame: came.append((number, frame)))
+
+    def act() -> None:
+        while came:
+            number, frame = came.pop(0)
+            handlers[number](number, frame)
+
+    try:
+        yield act
+    finally:
+        for number, handler in handlers.items():
+            if signal.getsignal(number) != signal.SIG_IGN:  # as a handler may have decided
+                signal.signal(number, handler)
+    act()
 
 
 def say(line: str, file: TextIO | None = None) -> None:

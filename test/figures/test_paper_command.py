@@ -1,5 +1,6 @@
 """The command `paper_figures`, as it is installed: files, progress, refusals, Ctrl-C."""
 
+import concurrent.futures
 import csv
 import io
 import os
@@ -116,6 +117,21 @@ def test_an_interruption_ends_all_processes_and_leaves_nothing_half_done(ending,
     assert 'Traceback' not in out + err
     assert not list(parts('*.gif'))
     assert not list(parts('.part-*')), 'half a file stayed'
+
+
+def test_a_signal_does_not_interrupt_what_holds_the_locks_of_futures(monkeypatch):
+    wait, waited = concurrent.futures.wait, []
+
+    def interrupted(*arguments, **options):
+        signal.raise_signal(signal.SIGINT)  # here its exception could leave a lock taken, and the executor would hang
+        waited.append(None)
+        return wait(*arguments, **options)
+
+    monkeypatch.setattr(concurrent.futures, 'wait', interrupted)
+    handler = signal.getsignal(signal.SIGINT)
+    with pytest.raises(KeyboardInterrupt):
+        run_jobs([Job('', 1, Squared(2))], processes=1)
+    assert waited == [None] and signal.getsignal(signal.SIGINT) is handler
 
 
 def test_the_jobs_cover_every_name_once():
