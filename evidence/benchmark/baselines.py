@@ -33,7 +33,7 @@ TWISTED = {8: 3.8e6, 12: 3.8e6, 30: 4e5}  # Pa, shear modulus for each number of
 CONFIG = Path(__file__).parents[2] / 'config'
 CONFIGURATIONS = ('manta', 'freshwater')  # files in config/
 ROBOTS, CHAINS_OF_MANY = 64, 12  # simulated together; chains of each of their fins
-CHAINS_OF_WIDE = 8 * CHAINS_OF_MANY  # of one robot whose chains are as many as those of the robots side by side
+CHAINS_OF_WIDE = 8 * CHAINS_OF_MANY  # of one robot with as many chains as eight of the others
 SHORT_STEP = 1e-6  # s, stable for the shortest links; a step costs the same whatever its length
 
 Timings = dict[str, FloatArray]  # of each program, seconds per call in each round

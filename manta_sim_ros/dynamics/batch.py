@@ -29,10 +29,13 @@ MOST_LINKS = 100
 """Links of a fin up to which robots are simulated together: with more, several robots do not fit into the cache."""
 
 LINK_STEPS_IN_TURN = 100_000
-"""The most steps times links that a core takes of one block before it takes the next one: so all cores end together."""
+"""The most steps times links that a core takes of one block before it takes the next one: all cores then end together.
+
+It has no influence on the results.
+"""
 
 BLOCKS_IN_ROTATION = 16
-"""Blocks that take turns before others begin: each keeps up to a megabyte."""
+"""Blocks that take turns before others begin: each keeps up to a megabyte of memory."""
 
 _Packed = tuple['list[_Robot]', packed.Pack]
 """Robots, and their pack as the last interval left it."""
@@ -133,7 +136,7 @@ class _Robot(Simulator):
         self.warnings.setdefault(category, message)
 
     def _warn_of_turn(self) -> None:
-        """Do nothing after a part of an interval."""
+        """Give no warning within an interval: `end_interval` gives it."""
 
     def end_interval(self) -> None:
         """Record the state after an interval, and warn of it as `Simulator.advance` does."""

@@ -82,10 +82,10 @@ def run_jobs(jobs: Sequence[Job], processes: int | None = None) -> list[Any]:
 
 @contextlib.contextmanager
 def _signals_held() -> Iterator[Callable[[], None]]:
-    """Hold the signals that end the process until the function is called that is yielded.
+    """Hold back the signals that end the process, and yield a function that runs the handlers of those that came.
 
-    Their handlers raise exceptions. At any instruction, that could leave the lock of a future taken, for which the
-    executor then waits without end. A thread other than the main one has no handlers.
+    A handler raises an exception. That could leave the lock of a future taken, for which the executor would wait
+    forever. Only the main thread has handlers.
     """
     came: list[tuple[int, FrameType | None]] = []
     handlers: dict[int, Callable[[int, FrameType | None], Any]] = {}

@@ -241,8 +241,8 @@ class BagReader:
 def _with_end(path: Path, opened: contextlib.ExitStack) -> tuple[Path, Path | None]:
     """Return the path to read, and the only MCAP file of a bag if that has no end.
 
-    To read is the bag, its only file if it has no metadata, or, if that file has no end, a temporary copy with an end
-    and an index. The copy is deleted when `opened` is closed.
+    The path to read is the bag itself; its only file, if the bag has no metadata; or a temporary copy with an end and
+    an index, if that file has no end. The copy is deleted when `opened` is closed.
     """
     files = list(path.glob('*.mcap')) if path.is_dir() else [path]
     if len(files) != 1 or files[0].suffix != '.mcap':
