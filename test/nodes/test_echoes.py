@@ -29,20 +29,30 @@ def longest_line(node):
     return max(map(len, node.output.splitlines()))
 
 
-@pytest.mark.parametrize('topic', TOPICS)
-def test_a_frame(robot, probe, topic):
-    publisher = probe.node.create_publisher(TOPICS[topic], f'/long/{topic}', 1)
-    message = TOPICS[topic](header=Header(frame_id=LONG))
+@pytest.mark.parametrize('topics', [[topic] for topic in TOPICS] + [['current', 'body_wrench']], ids='-'.join)
+def test_a_frame(robot, probe, topics):
+    messages = {
+        probe.node.create_publisher(TOPICS[topic], f'/long/{topic}', 1): TOPICS[topic](header=Header(frame_id=LONG))
+        for topic in topics}
+
+    def publish():
+        for publisher, message in messages.items():
+            publisher.publish(message)
+
     with probe.record(DiagnosticArray, '/diagnostics') as heard:
         def reported():
             texts = [status.message for array in heard for status in array.status]
-            return [text for text in texts if f'{topic} refused' in text]
+            return [text for text in texts if all(f'{topic} refused' in text for topic in topics)]
 
-        probe.until(reported, 'the diagnostics', doing=lambda: publisher.publish(message))
-        assert max(map(len, reported())) < LONGEST
+        probe.until(reported, 'the diagnostics', doing=publish)
+        # One message tells of all topics of which something was refused since the last one, also of those before.
+        assert max(len(reason) for text in reported() for reason in text.split('; ')) < LONGEST
         assert all(len(pair.value) < LONGEST for array in heard for status in array.status for pair in status.values)
-    probe.node.destroy_publisher(publisher)
-    assert f'{topic} refused' in robot.output and longest_line(robot) < LONGEST + 100  # with the logger's prefix
+    for publisher in messages:
+        probe.node.destroy_publisher(publisher)
+    assert longest_line(robot) < LONGEST + 100  # with the logger's prefix
+    for topic in topics:
+        assert f'{topic} refused' in robot.output
 
 
 @pytest.mark.parametrize(('name', 'value'), [
