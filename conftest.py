@@ -6,6 +6,7 @@ As this file is in the root of the repository, tests can import `evidence`.
 import contextlib
 import fcntl
 import os
+import signal
 import socket
 import tempfile
 from pathlib import Path
@@ -16,7 +17,12 @@ from evidence.harness.processes import NodeProcess, launcher
 
 
 def pytest_configure(config):
-    """Choose a ROS domain that no other test run and no other node of this machine uses, before rclpy is imported."""
+    """Choose a ROS domain that no other test run and no other node of this machine uses, before rclpy is imported.
+
+    Under `nohup`, what the tests start gets SIGHUP all the same: a handler is not inherited, a signal that is ignored is.
+    """
+    if hasattr(config, 'workerinput') or signal.getsignal(signal.SIGHUP) == signal.SIG_IGN:
+        signal.signal(signal.SIGHUP, lambda *_: None)
     for domain in range(1, 101):
         with contextlib.suppress(OSError):
             lock = Path(tempfile.gettempdir(), f'manta_sim_ros_test_domain_{domain}.lock').open('w')
