@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 
 import numpy as np
+from textual.pilot import Pilot
 
 from manta_sim_ros.control.manual import Demand, ManualControl
 from manta_sim_ros.control.teleop_screen import TeleopScreen
@@ -12,6 +13,9 @@ from manta_sim_ros.control.teleop_view import View
 
 SIZE = (80, 24)
 """Columns and lines of the smallest terminal that shows all."""
+
+MOST_LOOKS, BETWEEN_LOOKS = 200, 0.05
+"""Looks at a screen until it does not change any more, and the time between two of them [s]."""
 
 
 def example() -> View:
@@ -29,6 +33,18 @@ def text_of(screen: TeleopScreen) -> str:
     return '\n'.join(''.join(segment.text for segment in strip).rstrip() for strip in strips)
 
 
+async def settled_text_of(screen: TeleopScreen, pilot: Pilot[None]) -> str:
+    """Return what a screen shows when it does not change any more. On a busy machine, the footer comes later."""
+    before = ''
+    for _ in range(MOST_LOOKS):
+        await pilot.pause(BETWEEN_LOOKS)
+        text = text_of(screen)
+        if text == before and text.splitlines()[-1]:
+            break
+        before = text
+    return text
+
+
 def picture(view: View | None = None, size: tuple[int, int] = SIZE) -> str:
     """Return the screen for a view as text."""
     shown = example() if view is None else view
@@ -36,7 +52,6 @@ def picture(view: View | None = None, size: tuple[int, int] = SIZE) -> str:
 
     async def take() -> str:
         async with screen.run_test(size=size) as pilot:
-            await pilot.pause()
-            return text_of(screen)
+            return await settled_text_of(screen, pilot)
 
     return asyncio.run(take())

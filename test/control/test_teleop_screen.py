@@ -10,7 +10,7 @@ import pytest
 pytest.importorskip('textual')
 
 from evidence import tables  # noqa: E402
-from evidence.teleop_screen import SIZE, example, picture, text_of  # noqa: E402
+from evidence.teleop_screen import SIZE, example, picture, settled_text_of, text_of  # noqa: E402
 from manta_sim_ros.control.joystick import JoystickSettings  # noqa: E402
 from manta_sim_ros.control.manual import Demand, ManualControl  # noqa: E402
 from manta_sim_ros.control.teleop_screen import TeleopScreen  # noqa: E402
@@ -62,8 +62,7 @@ def test_what_a_key_does_is_shown_at_once():
     async def press():
         async with screen.run_test(size=SIZE) as pilot:
             await pilot.press('up', 'up', 'left', 'f')
-            await pilot.pause()
-            return text_of(screen)
+            return await settled_text_of(screen, pilot)
 
     text = asyncio.run(press())
     assert all(words in text for words in ('20% ahead', '20% left', '20% down'))
