@@ -19,7 +19,7 @@ from evidence.harness.processes import NodeProcess, launcher
 def pytest_configure(config):
     """Choose a ROS domain that no other test run and no other node of this machine uses, before rclpy is imported.
 
-    Under `nohup`, what the tests start gets SIGHUP all the same: a handler is not inherited, a signal that is ignored is.
+    Under `nohup`, what the tests start gets SIGHUP all the same: what ignores a signal is inherited, a handler is not.
     """
     if hasattr(config, 'workerinput') or signal.getsignal(signal.SIGHUP) == signal.SIG_IGN:
         signal.signal(signal.SIGHUP, lambda *_: None)

@@ -1,7 +1,7 @@
 """The executables. Ctrl-C, SIGTERM and SIGHUP end them at any time without a traceback, nodes with status 0.
 
 Signals are heard before the imports begin, which take a second or two. When the reader of the output ends first, as
-`head` does, they end quietly with status 0.
+`head` does, they end quietly with status 0. When the output cannot be written, one line says why, with status 1.
 """
 
 from __future__ import annotations
@@ -117,6 +117,7 @@ def _run(module: str, needs: str, packages: tuple[str, ...] = (), interrupted: i
 
     `packages` are those that the module imports only when it needs them.
     """
+    name = os.path.basename(sys.argv[0])
     on_ending(lambda: os._exit(interrupted))  # nothing has begun yet; `main` takes over
     try:
         for package in packages:
@@ -124,13 +125,16 @@ def _run(module: str, needs: str, packages: tuple[str, ...] = (), interrupted: i
                 raise ModuleNotFoundError(name=package)
         main = importlib.import_module(f'manta_sim_ros.{module}').main
     except ModuleNotFoundError as error:
-        name = os.path.basename(sys.argv[0])
         sys.exit(f'{name}: there is no module {error.name}; {name} needs {needs}')
     try:
         try:
             main()
         finally:
-            sys.stdout.flush()
-    except BrokenPipeError:
-        with open(os.devnull, 'w') as nowhere:  # else Python would try again at its end, and complain
-            os.dup2(nowhere.fileno(), sys.stdout.fileno())
+            if sys.stdout is not None:  # it was closed
+                sys.stdout.flush()
+    except OSError as error:
+        if sys.stdout is not None:
+            with open(os.devnull, 'w') as nowhere:  # else Python would try again at its end, and complain
+                os.dup2(nowhere.fileno(), sys.stdout.fileno())
+        if not isinstance(error, BrokenPipeError):
+            sys.exit(f'{name}: {error}')

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import csv
 import fcntl
+import glob
 import math
 import os
 from collections.abc import Iterator, Mapping
@@ -18,20 +19,26 @@ DIGITS = 7
 
 @contextlib.contextmanager
 def whole(path: Path) -> Iterator[Path]:
-    """Give a path to write to, which is renamed to `path` after success and is removed after an error."""
+    """Give a path to write to, which is renamed to `path` after success and is removed after an error.
+
+    What killed processes left of the same file is removed. The new one is on the disk before it has its name, so that
+    it is whole also after a loss of power.
+    """
+    clear_abandoned(path.parent, path.name)
     part = path.with_name(f'.part-{os.getpid()}-{path.name}')
     with part.open('ab') as held:
         fcntl.flock(held, fcntl.LOCK_EX)  # for `clear_abandoned`: the lock lasts as long as this process
         try:
             yield part
+            os.fsync(held.fileno())
             part.replace(path)
         finally:
             part.unlink(missing_ok=True)
 
 
-def clear_abandoned(directory: Path) -> None:
-    """Remove the incomplete files that killed processes left in a directory."""
-    for part in directory.glob('.part-*'):
+def clear_abandoned(directory: Path, name: str = '*') -> None:
+    """Remove the incomplete files that killed processes left in a directory, of all names or one."""
+    for part in directory.glob(f'.part-*-{name if name == "*" else glob.escape(name)}'):
         with contextlib.suppress(BlockingIOError, FileNotFoundError), part.open('r+b') as file:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
             part.unlink()

@@ -12,7 +12,7 @@ from manta_sim_ros.learning.policies import LinearPolicy, RandomPolicy, resting
 from manta_sim_ros.learning.settings import ROBOT
 from manta_sim_ros.learning.training import STEPS, Generation, evaluate, train
 from manta_sim_ros.signals import on_ending
-from manta_sim_ros.studies.arguments import Parser
+from manta_sim_ros.studies.arguments import Parser, check_output
 
 FIRST_SEED = 1_000_000
 """First seed of the episodes of an evaluation."""
@@ -26,8 +26,7 @@ def main(args: Sequence[str] | None = None) -> None:
         for name, least in (('generations', 1), ('episodes', 2), ('steps', 1), ('seed', 0)):
             if getattr(options, name) < least:
                 raise ValueError(f'--{name} is {getattr(options, name)}, but must be at least {least}')
-        if not options.output.parent.is_dir():
-            raise ValueError(f'--output is {options.output}, but {options.output.parent} must be a directory')
+        check_output('--output', options.output, inputs=[options.config])
         robot = ROBOT if options.config is None else Parameters.from_yaml(options.config)
         policy = None if options.evaluate is None else LinearPolicy.load(options.evaluate)
     except (OSError, ValueError) as error:

@@ -1,11 +1,13 @@
-"""What the commands of the studies have in common: errors in one line, and parameter files."""
+"""What the commands of the studies have in common: errors in one line, parameter files, and where they write."""
 
 from __future__ import annotations
 
 import argparse
 import difflib
+import re
+from collections.abc import Sequence
 from pathlib import Path
-from typing import NoReturn
+from typing import Any, NoReturn
 
 from manta_sim_ros.dynamics import read_sections, shown_name, shown_names, values_for
 from manta_sim_ros.nodes.settings import Settings
@@ -17,12 +19,29 @@ OF_THE_NODE_ALONE = ('use_sim_time', 'start_type_description_service', 'qos_over
 """Parameters, and the group, that only a node of ROS 2 has."""
 
 
+LONGEST_DURATION = 1e6
+"""Longest simulated time of a swim [s]: eleven days."""
+
+
 class Parser(argparse.ArgumentParser):
-    """Ends the process with status 2 and one line when an argument is wrong."""
+    """Ends the process with status 2 and one line when an argument is wrong. What begins as -10,20 is no option."""
+
+    def __init__(self, **about: Any) -> None:
+        super().__init__(**about)
+        self._negative_number_matcher = re.compile(r'-\.?\d')
 
     def error(self, message: str) -> NoReturn:
         """Print the line and end the process."""
         self.exit(2, f'{self.prog}: {" ".join(message.split())}\n')
+
+
+def check_output(option: str, path: Path, suffix: str = '', inputs: Sequence[Path | None] = ()) -> None:
+    """Raise a ValueError if a file with this suffix cannot be written there, or if that would replace an input."""
+    if not path.name or path.is_dir() or not path.parent.is_dir() or not path.name.endswith(suffix):
+        kind = f'a {suffix} file' if suffix else 'a file'
+        raise ValueError(f'{option} is {path}, but must be {kind} in a directory that exists')
+    if path.exists() and any(given is not None and given.exists() and path.samefile(given) for given in inputs):
+        raise ValueError(f'{option} is {path}, but that is an input: it would be replaced')
 
 
 def read_settings(path: str | Path) -> Settings:

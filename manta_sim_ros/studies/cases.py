@@ -26,6 +26,12 @@ from manta_sim_ros.studies.swim import Swim, swim
 SAMPLES = 40
 """Least number of samples of a period, as far as there are so many time steps."""
 
+NUMBERS_AT_ONCE = 30_000_000
+"""The most numbers that the states of the cases have that are simulated at once: a quarter of a gigabyte."""
+
+NUMBERS_OF_STATE = 600
+"""Numbers in the place of which a state takes memory, besides its joints."""
+
 RESULTS = (*Swim._fields, 'step_stable', 'warning', 'error')
 """What each case has besides its inputs: means over the last period (`Swim`), whether `solver.time_step` is stable for
 its gaits, what the model does not do as a robot does, and why there is no result."""
@@ -82,10 +88,18 @@ class _Case:
 def _simulate(
     group: Sequence[_Case], duration: float, time_step: float, lowest: float, highest: float,
 ) -> list[dict[str, Any]]:
-    """Simulate cases of the same `sampling`, and return what is known of each."""
+    """Simulate cases of the same `sampling`, and return what is known of each.
+
+    So many are simulated at once that their states fit into the memory: one fin may flap much faster than the other.
+    """
     every = max(1, math.floor(1.0 / (highest * SAMPLES * time_step)))
     steps = round(duration / time_step)
     sampled = min(steps // every, math.ceil(2.0 / (lowest * every * time_step)) + 1)
+    numbers = (sampled + 1) * max(2 * case.state.joint_angles.size + NUMBERS_OF_STATE for case in group)
+    at_once = max(1, NUMBERS_AT_ONCE // numbers)
+    if len(group) > at_once:
+        return [row for first in range(0, len(group), at_once)
+                for row in _simulate(group[first:first + at_once], duration, time_step, lowest, highest)]
     parameters = [case.parameters for case in group]
     begun = simulate_batch(
         parameters, [case.state for case in group], None, (steps - sampled * every) * time_step)

@@ -15,12 +15,12 @@ import numpy as np
 import yaml
 from tqdm import tqdm
 
-from manta_sim_ros.dynamics import DivergenceError, Parameters, compile_kernels, shown_name
-from manta_sim_ros.figures.files import clear_abandoned, whole
+from manta_sim_ros.dynamics import DivergenceError, Parameters, compile_kernels, shown, shown_name
+from manta_sim_ros.figures.files import whole
 from manta_sim_ros.figures.jobs import say
 from manta_sim_ros.figures.style import save_png
 from manta_sim_ros.nodes.settings import Settings
-from manta_sim_ros.studies.arguments import Parser, read_settings
+from manta_sim_ros.studies.arguments import Parser, check_output, read_settings
 from manta_sim_ros.studies.bag import RecordingWarning
 from manta_sim_ros.studies.design import design
 from manta_sim_ros.studies.gaits import ORDER
@@ -32,7 +32,7 @@ from manta_sim_ros.studies.identification import (
     evaluate,
     identify,
 )
-from manta_sim_ros.studies.measured import CHANNELS, ORIENTATIONS, Run, read_run
+from manta_sim_ros.studies.measured import CHANNELS, LONGEST_RUN, ORIENTATIONS, Run, read_run
 from manta_sim_ros.studies.replay import value_of
 
 if TYPE_CHECKING:
@@ -46,6 +46,9 @@ UNITS = {
 
 TOO_LARGE = 2.0
 """Size of the errors, in standard deviations of the noise, above which the model is said to lack something."""
+
+MOST_GAITS = 1000
+"""The most gaits that are proposed at once."""
 
 HARDLY = 0.5
 """Standard error, as a share of the estimate, above which the data hardly say what a value is."""
@@ -150,7 +153,7 @@ def main(args: Sequence[str] | None = None) -> None:
 def _read(options: argparse.Namespace) -> tuple[Settings, list[str], list[Run], list[Run]]:
     """Return the settings, the names of the free parameters, the runs, and those for the validation."""
     settings = Settings() if options.config is None else read_settings(options.config)
-    names = options.free.split(',')
+    names = _names('--free', options.free)
     for number, name in enumerate(names):
         value_of(settings.model, name)
         if name in names[:number]:
@@ -174,6 +177,9 @@ def _run(
             bar.update()
 
         result = identify(runs, names, settings.model, segment=options.segment, done=done)
+    if options.output is not None:  # at once: nothing that fails later loses it
+        with whole(options.output) as part:
+            part.write_text(parameter_file(result, settings), encoding='utf-8')
     count = sum(series.values.size for run in runs for series in run.channels.values())
     channels = dict.fromkeys(channel for run in runs for channel in run.channels)
     say(f'{len(runs)} runs, {count} measured values of {", ".join(channels)}')
@@ -186,10 +192,6 @@ def _run(
         say('\n'.join(error_table('validation, root mean square', *fits)))
     if options.plot is not None:
         plot(runs, before, result.fit, options.plot)
-    if options.output is not None:
-        clear_abandoned(options.output.parent)
-        with whole(options.output) as part:
-            part.write_text(parameter_file(result, settings), encoding='utf-8')
 
 
 def _design(options: argparse.Namespace, names: Sequence[str], model: Parameters, runs: Sequence[Run]) -> None:
@@ -203,7 +205,7 @@ def _design(options: argparse.Namespace, names: Sequence[str], model: Parameters
 
 def _check(options: argparse.Namespace) -> None:
     """Refuse arguments that do not go together, before anything is computed."""
-    for name in options.channels.split(','):
+    for name in _names('--channels', options.channels):
         if name not in CHANNELS:
             raise ValueError(f'--channels has {shown_name(name)}, but must have names of {", ".join(CHANNELS)}')
     if options.design:
@@ -214,8 +216,16 @@ def _check(options: argparse.Namespace) -> None:
         raise ValueError('there are no data: name tables or bags')
     for name, suffix in (('output', '.yaml'), ('plot', '.png')):
         path = getattr(options, name)
-        if path is not None and (path.suffix != suffix or not path.parent.is_dir()):
-            raise ValueError(f'--{name} is {path}, but must be a {suffix} file in a directory that exists')
+        if path is not None:
+            check_output(f'--{name}', path, suffix, [options.config, *options.data, *options.validate])
+
+
+def _names(option: str, text: str) -> list[str]:
+    """Return the names in a text, or raise a ValueError."""
+    names = text.split(',')
+    if not all(names):
+        raise ValueError(f'{option} is {shown(text)}, but must have a name before and after each comma')
+    return names
 
 
 def _parser() -> Parser:
@@ -232,23 +242,28 @@ def _parser() -> Parser:
     parser.add_argument('--plot', type=Path, metavar='FILE.png', help='plot the runs, before and after')
     parser.add_argument('--validate', nargs='+', type=Path, default=[], metavar='DATA',
                         help='other runs, which take no part in the fit: their errors before and after')
-    parser.add_argument('--segment', type=_positive(float), metavar='T',
+    parser.add_argument('--segment', type=_positive(float, LONGEST_RUN), metavar='T',
                         help='divide the runs into segments of T s with starts of their own (default: whole runs)')
     parser.add_argument('--channels', default=','.join(CHANNELS), metavar='NAME,NAME...',
                         help='what is compared with the simulation, as far as it was measured (default: %(default)s)')
     parser.add_argument('--namespace', help='the namespace of the robot in bags with several robots')
-    parser.add_argument('--design', nargs='?', type=_positive(int), const=3, metavar='COUNT',
+    parser.add_argument('--design', nargs='?', type=_positive(int, MOST_GAITS), const=3, metavar='COUNT',
                         help='propose so many gaits that tell most about the parameters (default: 3), and do not fit')
-    parser.add_argument('--duration', type=_positive(float), default=10.0, metavar='T',
+    parser.add_argument('--duration', type=_positive(float, LONGEST_RUN), default=10.0, metavar='T',
                         help='duration of a proposed run [s] (default: 10)')
     return parser
 
 
-def _positive(kind: type[float] | type[int]) -> Callable[[str], float]:
+def _positive(kind: type[float] | type[int], most: float) -> Callable[[str], float]:
     def number(text: str) -> float:
-        value = kind(text)
-        if not 0 < value < float('inf'):
-            raise argparse.ArgumentTypeError(f'{value:g} is not above 0 and finite')
+        try:
+            value = kind(text)
+        except ValueError:
+            value = math.nan
+        if not 0 < value <= most:
+            which = 'whole number' if kind is int else 'number'
+            raise argparse.ArgumentTypeError(
+                f'is {shown(text)}, but must be a {which} above 0 and at most {most:g}')
         return value
 
     return number

@@ -13,7 +13,8 @@ from scipy.integrate import trapezoid
 from scipy.spatial.transform import Rotation
 
 from manta_sim_ros.dynamics import SIDES, FinCommand, FloatArray, Parameters, State, compile_kernels
-from manta_sim_ros.studies.arguments import Parser
+from manta_sim_ros.figures.jobs import say
+from manta_sim_ros.studies.arguments import Parser, check_output
 from manta_sim_ros.studies.gaits import NAMES, ORDER, gaits_of
 from manta_sim_ros.studies.linear_model import LinearModel
 from manta_sim_ros.studies.poincare import BODY, NoEquilibriumError, PeriodMap, difference, steps
@@ -114,23 +115,23 @@ def main(args: Sequence[str] | None = None) -> None:
     try:
         parameters = Parameters() if options.config is None else Parameters.from_yaml(options.config)
         left, right = gaits_of(options.gait)
-        if options.output is not None and not options.output.parent.is_dir():
-            raise ValueError(f'--output is {options.output}, but {options.output.parent} must be a directory')
-        compile_kernels(parameters, lambda line: print(line, file=sys.stderr))
+        if options.output is not None:
+            check_output('--output', options.output, '.npz', [options.config])
+        compile_kernels(parameters, lambda line: say(line, sys.stderr))
         model = linearize(parameters, left, right)
     except NoEquilibriumError as error:
         sys.exit(f'{parser.prog}: {error}')
     except (OSError, ValueError) as error:
         parser.error(str(error))
-    print(model)
-    if model.fin_memory > LARGEST_MEMORY:
-        print(f'{parser.prog}: the fins keep {model.fin_memory:.2g} from one period to the next, more than '
-              f'{LARGEST_MEMORY:g}: the model is rough', file=sys.stderr)
     if options.output is not None:
         try:
             model.save(options.output)
         except OSError as error:
             sys.exit(f'{parser.prog}: {error}')
+    say(str(model))
+    if model.fin_memory > LARGEST_MEMORY:
+        say(f'{parser.prog}: the fins keep {model.fin_memory:.2g} from one period to the next, more than '
+            f'{LARGEST_MEMORY:g}: the model is rough', sys.stderr)
 
 
 def _parser() -> Parser:

@@ -17,7 +17,7 @@ from manta_sim_ros.nodes.settings import Settings
 from manta_sim_ros.sensors import Imu
 from manta_sim_ros.studies.bag import BagReader
 from manta_sim_ros.studies.gaits import ORDER, Gaits
-from manta_sim_ros.studies.recorded_swim import RODS
+from manta_sim_ros.studies.recorded_swim import RODS, UNIT_TOLERANCE
 
 CHANNELS: dict[str, tuple[str, ...]] = {
     'position': ('x', 'y', 'z'),
@@ -47,8 +47,8 @@ LEVEL = 0.02
 NOT_KNOWN = np.zeros(36)
 """The covariance of a pose or a twist whose noise is not known."""
 
-UNIT_TOLERANCE = 0.01
-"""Largest difference of the norm of a measured quaternion from 1."""
+LONGEST_RUN = 3600.0
+"""Longest time of a run [s]."""
 
 
 class Series(NamedTuple):
@@ -109,6 +109,9 @@ def read_run(
     origin = min(rows[0][0] for rows in samples.values())
     began = min(origin, commands[0].time)  # that of a bag may be earlier than all that was measured
     origin = origin if math.isinf(began) else began
+    lasts = max(rows[-1][0] for rows in samples.values()) - origin
+    if lasts > LONGEST_RUN:
+        raise ValueError(f'{path}: lasts {lasts:g} s, but a run must last at most {LONGEST_RUN:g} s')
     channels = {
         name: Series(np.array([row[0] for row in rows]) - origin, np.array([row[1] for row in rows], dtype=float),
                      np.array([row[2] for row in rows], dtype=float)) for name, rows in samples.items()}
@@ -168,11 +171,13 @@ def _of_table(path: Path) -> tuple[list[_Command], _Rows]:
         with path.open(newline='', encoding='utf-8-sig') as file:
             rows = csv.reader(file, strict=True)
             names = [cell.strip() for cell in next(rows, [])]
+            if len(names) == 1 and (other := {';', '\t'} & set(names[0])):
+                raise ValueError(f'{path}: is separated by {other.pop()!r}, but must be by commas')
             lines = [(rows.line_num, row) for row in rows if row]
     except (UnicodeDecodeError, csv.Error) as error:
         raise ValueError(f'{path}: is no table of comma-separated values: {error}') from error
     commanded = COMMANDS if COMMANDS[-1] in names else COMMANDS[:6]
-    measured = {channel: columns for channel, columns in CHANNELS.items() if columns[0] in names}
+    measured = {channel: columns for channel, columns in CHANNELS.items() if set(columns) & set(names)}
     known = {'time', *commanded, *(column for columns in measured.values() for column in columns)}
     for name in names:
         if names.count(name) > 1 or name.removesuffix('_std') not in known:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -10,6 +11,7 @@ import numpy as np
 
 from manta_sim_ros.figures.files import whole
 from manta_sim_ros.figures.style import save_png
+from manta_sim_ros.studies.arguments import check_output
 from manta_sim_ros.studies.study import Study, unit_of
 
 if TYPE_CHECKING:
@@ -23,8 +25,7 @@ PLOTTED = {
 
 def check_plot(study: Study, path: Path) -> None:
     """Raise a ValueError if a study cannot be plotted to this file."""
-    if path.suffix != '.png' or not path.parent.is_dir():
-        raise ValueError(f'--plot is {path}, but must be a .png file in a directory that exists')
+    check_output('--plot', path, '.png')
     if len(study.names) > 2:
         raise ValueError(f'--plot takes one or two quantities, but {len(study.names)} are varied: '
                          f'{", ".join(study.names)}')
@@ -38,6 +39,8 @@ def draw(study: Study, results: Mapping[str, Sequence[Any]], path: Path) -> None
     inputs = [np.array(results[name], dtype=float) for name in study.names]
     ticks = [np.unique(values) for values in inputs]
     order = np.lexsort(inputs)
+    places = set(zip(*(values.tolist() for values in inputs), strict=True))
+    is_grid = len(places) == len(order) == math.prod(map(len, ticks))  # each pair of values is a case, once
     labels = [f'{name} [{unit_of(name)}]' if unit_of(name) else name for name in study.names]
 
     def panels(figure: Figure) -> None:
@@ -47,7 +50,7 @@ def draw(study: Study, results: Mapping[str, Sequence[Any]], path: Path) -> None
                 axes.plot(inputs[0][order], values[order], marker='.')
                 axes.set_ylabel(label)
                 continue
-            if len(values) == len(ticks[0]) * len(ticks[1]):  # a grid
+            if is_grid:
                 colors = axes.pcolormesh(*ticks, values[order].reshape(len(ticks[1]), -1), shading='nearest')
             else:
                 colors = axes.scatter(*inputs, c=values)

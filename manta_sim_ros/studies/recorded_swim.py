@@ -16,6 +16,9 @@ from manta_sim_ros.studies.bag import BagReader
 RODS = tuple(f'{side}_{rod}_rod' for side in SIDES for rod in ('front', 'rear'))
 """Names of the rods in joint states, in the order of `State.rod_angles`."""
 
+UNIT_TOLERANCE = 0.01
+"""Largest difference of the norm of a measured quaternion from 1."""
+
 CHAIN_JOINT = re.compile(r'(left|right)_chain_(\d+)_joint_(\d+)')
 """The name of a joint of a chain in joint states."""
 
@@ -97,8 +100,8 @@ def read_swim(path: str | Path, settings: Settings | None = None, namespace: str
     Raises
     ------
     ValueError
-        It is no bag or is damaged, has fewer than two `odom` messages, or was made with other numbers of chains and
-        links than `settings` have. Begins with the path.
+        It is no bag or is damaged, has fewer than two `odom` messages or one without a pose, or was made with other
+        numbers of chains and links than `settings` have. Begins with the path.
 
     """
     with BagReader(path, namespace) as bag:
@@ -127,10 +130,13 @@ def read_swim(path: str | Path, settings: Settings | None = None, namespace: str
     time, odometry = _sorted(series['odom'], origin)
     wrench_time, wrenches = _sorted(series['fin_wrench'], origin)
     gait_time, gaits = _sorted(series['fin_command'], origin)
+    position = np.array([_vector(each.pose.pose.position) for each in odometry])
+    orientation = np.array([[*_vector(each.pose.pose.orientation), each.pose.pose.orientation.w] for each in odometry])
+    if not (np.isfinite(position).all() and (np.abs(np.linalg.norm(orientation, axis=1) - 1.0) < UNIT_TOLERANCE).all()):
+        raise ValueError(f'{path}: has an odom whose position is not finite, or whose orientation has no norm of 1 '
+                         f'within {UNIT_TOLERANCE:g}')
     return Swim(
-        settings, time,
-        np.array([_vector(each.pose.pose.position) for each in odometry]),
-        np.array([[*_vector(each.pose.pose.orientation), each.pose.pose.orientation.w] for each in odometry]),
+        settings, time, position, orientation,
         np.array([[*_vector(each.twist.twist.linear), *_vector(each.twist.twist.angular)] for each in odometry]),
         wrench_time,
         np.array([[*_vector(each.wrench.force), *_vector(each.wrench.torque)] for each in wrenches]).reshape(-1, 6),

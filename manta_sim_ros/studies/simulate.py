@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import itertools
-import math
 import signal
 import sys
 import time
@@ -27,7 +26,7 @@ from manta_sim_ros.nodes.robot import Robot
 from manta_sim_ros.nodes.settings import Settings, whole_steps
 from manta_sim_ros.nodes.state_messages import TRANSFORMS, StateMessages, optional_topics
 from manta_sim_ros.signals import ENDING, on_ending
-from manta_sim_ros.studies.arguments import Parser, read_settings
+from manta_sim_ros.studies.arguments import LONGEST_DURATION, Parser, read_settings
 from manta_sim_ros.studies.bag import BagWriter, check_new
 from manta_sim_ros.studies.commands import Command, constant_gait, read_commands
 from manta_sim_ros.studies.gaits import ORDER, values_of
@@ -113,8 +112,8 @@ def simulate(
 
 
 def _check_duration(duration: float, model: Parameters) -> None:
-    if not 0.0 < duration < math.inf:
-        raise ValueError(f'duration is {duration:g} s, but must be finite and more than 0')
+    if not 0.0 < duration <= LONGEST_DURATION:
+        raise ValueError(f'duration is {duration:g} s, but must be more than 0 and at most {LONGEST_DURATION:g} s')
     whole_steps(duration, model.solver.time_step, 'duration')
 
 

@@ -17,6 +17,7 @@ from scipy.stats import qmc
 
 from manta_sim_ros import __version__
 from manta_sim_ros.dynamics import SIDES, FloatArray, Parameters, cut, shown, shown_name
+from manta_sim_ros.studies.arguments import LONGEST_DURATION
 from manta_sim_ros.studies.gaits import NAMES, UNITS, Gaits, gait_of
 
 KEYS = ('config', 'duration', 'gait', 'parameters', 'sampling')
@@ -105,8 +106,10 @@ def unit_of(name: str) -> str:
 
 
 def check_duration(duration: float, parameters: Parameters) -> None:
-    """Raise a ValueError if a duration [s] is not above 0, or no whole number of time steps."""
+    """Raise a ValueError if a duration [s] is not above 0, too long, or no whole number of time steps."""
     step = parameters.solver.time_step
+    if duration > LONGEST_DURATION:
+        raise ValueError(f'duration is {duration:g} s, but must be at most {LONGEST_DURATION:g} s')
     if not duration > 0.0 or abs(duration / step - round(duration / step)) > WHOLE_STEPS_TOLERANCE:
         raise ValueError(
             f'duration is {duration:g} s, but must be above 0 and a whole number of steps of solver.time_step, '
@@ -148,6 +151,7 @@ def _study(content: Any, folder: Path) -> Study:
         else:
             fixed[name] = _value(name, value)
     fixed_gait = {name: value for name, value in fixed.items() if name in GAIT_NAMES}
+    _gaits(fixed_gait)
     parameters = with_parameters(parameters, {name: fixed[name] for name in fixed if name not in GAIT_NAMES})
     for name, values in ranges.items():
         for value in values if 'values' in {**gait, **others}[name] else {values[0], values[-1]}:  # each one alone
@@ -202,7 +206,7 @@ def _value(name: str, value: Any) -> Any:
     if kind is float:
         return _number(name, value)
     if kind is int and isinstance(value, float):
-        return round(value)
+        return round(_number(name, value))
     return value
 
 

@@ -6,7 +6,6 @@ import contextlib
 import fcntl
 import importlib.util
 import os
-import shutil
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
@@ -20,7 +19,7 @@ from manta_sim_ros.dynamics import compile_kernels
 from manta_sim_ros.figures.files import clear_abandoned, whole
 from manta_sim_ros.figures.jobs import say
 from manta_sim_ros.signals import on_ending
-from manta_sim_ros.studies.arguments import Parser
+from manta_sim_ros.studies.arguments import Parser, check_output
 from manta_sim_ros.studies.cases import simulate_cases
 from manta_sim_ros.studies.plot import check_plot, draw
 from manta_sim_ros.studies.study import Study, read_study, unit_of
@@ -38,6 +37,9 @@ OUTPUTS: dict[str, tuple[Any, str]] = {
     'warning': (pa.string(), ''), 'error': (pa.string(), ''),
 }
 """Type and unit of each result of a case."""
+
+HOLDER = '_study'
+"""File of the parts' directory with the digest of the study: readers of Parquet leave out names with an underscore."""
 
 DIGEST = b'study'
 """Key of the digest of the study in the metadata of a file."""
@@ -86,13 +88,14 @@ def sweep(
     parts = output.with_name(f'{output.name}.parts')
     if output.exists():
         _check_same(study, _metadata(output), output)
-        shutil.rmtree(parts, ignore_errors=True)
+        if (parts / HOLDER).exists():  # killed between the two
+            _remove(parts)
         progress(len(study.cases))
         return 0
     schema = _schema(study)
     with _held(study, parts):
         clear_abandoned(parts)
-        done = {case for path in _part_files(parts) for case in pq.read_table(path, columns=['case'])[0].to_pylist()}
+        done = {case for path in _part_files(parts) for case in _cases_in(path)}
         progress(len(done))
         left = [case for case in study.cases if case not in done]
         for rows in _simulated(study, left, scheduler):
@@ -102,7 +105,7 @@ def sweep(
         table = pa.concat_tables(pq.read_table(path) for path in _part_files(parts)).sort_by('case')
         with whole(output) as path:
             pq.write_table(table, path)
-        shutil.rmtree(parts)
+        _remove(parts)
     return len(left)
 
 
@@ -112,7 +115,7 @@ def _simulated(study: Study, cases: Sequence[int], scheduler: str | None) -> Ite
         for block in _blocks(cases, CASES_PER_CORE * len(os.sched_getaffinity(0))):
             yield simulate_cases(study.part(block))
         return
-    from distributed import Client, KilledWorker, as_completed
+    from distributed import CancelledError, Client, KilledWorker, as_completed
 
     try:
         connected = Client(scheduler)
@@ -125,6 +128,11 @@ def _simulated(study: Study, cases: Sequence[int], scheduler: str | None) -> Ite
                 yield task.result()
             except KilledWorker as error:
                 raise OSError(f'the workers were killed again and again by the same cases: {error}') from error
+            except CancelledError as error:
+                raise ConnectionError(
+                    f'the scheduler at {scheduler} ended: the same command goes on after the last part') from error
+            except Exception as error:  # of any kind, such as a package that the worker does not have
+                raise ChildProcessError(f'a worker failed: {type(error).__name__}: {error}') from error
 
 
 def _blocks(cases: Sequence[int], size: int) -> list[Sequence[int]]:
@@ -135,7 +143,9 @@ def _blocks(cases: Sequence[int], size: int) -> list[Sequence[int]]:
 def _held(study: Study, parts: Path) -> Iterator[None]:
     """Hold the directory of the parts, for this study and this process only."""
     parts.mkdir(exist_ok=True)
-    with (parts / '_study').open('a+b') as file:  # readers of Parquet leave out names with an underscore
+    if any(parts.iterdir()) and not (parts / HOLDER).exists():
+        raise FileExistsError(f'{parts} has other files than parts of a sweep: take another --output, or move them')
+    with (parts / HOLDER).open('a+b') as file:
         try:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
@@ -146,11 +156,31 @@ def _held(study: Study, parts: Path) -> Iterator[None]:
         else:
             file.write(study.digest.encode())
             file.flush()
+            os.fsync(file.fileno())
         try:
             yield
         finally:
             if not _part_files(parts):
-                shutil.rmtree(parts, ignore_errors=True)
+                _remove(parts)
+
+
+def _remove(parts: Path) -> None:
+    """Remove the parts and their directory, unless somebody put other files there."""
+    for path in (*_part_files(parts), parts / HOLDER):
+        path.unlink(missing_ok=True)
+    with contextlib.suppress(OSError):
+        parts.rmdir()
+
+
+def _cases_in(part: Path) -> list[int]:
+    """Return the numbers of the cases of a part; one that is damaged, as by a loss of power, is removed."""
+    try:
+        return list(pq.read_table(part)['case'].to_pylist())
+    except (pa.ArrowInvalid, OSError) as error:
+        if getattr(error, 'errno', None) is not None:  # the disk, not the content
+            raise
+        part.unlink()
+        return []
 
 
 def _metadata(path: Path) -> dict[bytes, bytes]:
@@ -185,18 +215,21 @@ def main(args: Sequence[str] | None = None) -> None:
     options = parser.parse_args(args)
     try:
         study = read_study(options.study)
-        if not options.output.parent.is_dir():
-            raise ValueError(f'--output is {options.output}, but {options.output.parent} must be a directory')
+        check_output('--output', options.output, inputs=[options.study])
         if options.scheduler is not None and importlib.util.find_spec('distributed') is None:
             raise ValueError("--scheduler needs the extra 'cluster': pip install 'manta_sim_ros[cluster]'")
         if options.plot is not None:
             check_plot(study, options.plot)
+            if options.plot.resolve() == options.output.resolve():
+                raise ValueError(f'--plot is {options.plot}, but that is --output: it would be replaced')
     except (OSError, ValueError) as error:
         parser.error(str(error))
 
     def interrupted() -> None:
-        say(f'\n{parser.prog}: interrupted; the finished parts are in {options.output}.parts: the same command goes on',
-            sys.stderr)
+        parts = f'{options.output}.parts'
+        say(f'\n{parser.prog}: interrupted; ' + (
+            f'the finished parts are in {parts}: the same command goes on' if os.path.isdir(parts)
+            else 'no part was finished'), sys.stderr)
         os._exit(130)
 
     on_ending(interrupted)
@@ -204,14 +237,15 @@ def main(args: Sequence[str] | None = None) -> None:
         compile_kernels(study.parameters, lambda line: say(line, sys.stderr))
         with tqdm(total=len(study.cases), disable=None, unit='case') as bar:
             count = sweep(study, options.output, scheduler=options.scheduler, progress=bar.update)
+        results = pq.read_table(options.output)
+        if options.plot is not None:
+            draw(study, results.to_pydict(), options.plot)
     except OtherStudyError as error:
         parser.error(str(error))
     except OSError as error:
         sys.exit(f'{parser.prog}: {" ".join(str(error).split())}')
-    failed = sum(error.is_valid for error in pq.read_table(options.output, columns=['error'])[0])
+    failed = sum(error.is_valid for error in results['error'])
     say(f'{options.output}: {len(study.cases)} cases, {count} of them simulated now, {failed} without a result')
-    if options.plot is not None:
-        draw(study, pq.read_table(options.output).to_pydict(), options.plot)
 
 
 def _parser() -> Parser:

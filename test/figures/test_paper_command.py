@@ -8,6 +8,7 @@ import re
 import signal
 import subprocess
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -309,10 +310,21 @@ def test_a_file_is_there_whole_or_not_at_all(tmp_path):
         part.write_text('new')
         raise RuntimeError
     assert path.read_text() == 'old'
+    for name in ('.part-1-figure.csv', '.part-1-other.csv'):  # as killed processes leave them
+        (tmp_path / name).touch()
     with whole(path) as part:
         part.write_text('new')
     assert path.read_text() == 'new'
-    assert [file.name for file in tmp_path.iterdir()] == ['figure.csv']
+    assert sorted(file.name for file in tmp_path.iterdir()) == ['.part-1-other.csv', 'figure.csv']
+
+
+def test_a_file_is_on_the_disk_before_it_has_its_name(tmp_path, monkeypatch):
+    done = []
+    monkeypatch.setattr(os, 'fsync', lambda descriptor: done.append(os.fstat(descriptor).st_size))
+    with whole(tmp_path / 'figure.csv') as part:
+        part.write_text('new')
+        monkeypatch.setattr(Path, 'replace', lambda *_: done.append('named'))
+    assert done == [3, 'named']
 
 
 def test_a_table_has_a_row_a_sample_and_nothing_for_what_is_no_number(tmp_path):

@@ -95,7 +95,7 @@ def test_the_command_trains_writes_and_compares(tmp_path, capsys):
     (['--generations', '0'], '--generations is 0, but must be at least 1'),
     (['--episodes', '1'], '--episodes is 1, but must be at least 2'),
     (['--steps', '0'], '--steps is 0, but must be at least 1'),
-    (['--output', 'nowhere/policy.json'], 'but nowhere must be a directory'),
+    (['--output', 'nowhere/policy.json'], 'but must be a file in a directory that exists'),
     (['--config', 'nowhere.yaml'], 'nowhere.yaml'),
     (['--evaluate', 'pyproject.toml'], 'pyproject.toml: is not a policy as train_policy writes it'),
 ])

@@ -191,6 +191,22 @@ def test_an_output_that_nobody_reads_any_more_ends_it_quietly(executable):
     assert (process.returncode, own_lines(errors)) == (0, [])
 
 
+def test_an_output_that_cannot_be_written_is_told_in_a_line():
+    with open('/dev/full', 'w') as full:
+        process = subprocess.run(
+            [*command_of('paper_figures'), '--help'], stdout=full, stderr=subprocess.PIPE, text=True, timeout=LIMIT,
+            env=os.environ | {'PYTHONUNBUFFERED': ''})
+    assert process.returncode == 1
+    assert own_lines(process.stderr) == ['paper_figures: [Errno 28] No space left on device']
+
+
+def test_a_closed_output_is_no_error():
+    process = subprocess.run(
+        ['bash', '-c', '"$@" >&-', 'bash', *command_of('paper_figures'), '--help'], stderr=subprocess.PIPE, text=True,
+        timeout=LIMIT)
+    assert process.returncode == 0 and 'Traceback' not in process.stderr
+
+
 @pytest.mark.parametrize(('hidden', 'expected'), [
     ([], 'EventsExecutor'), (['rclpy.experimental.events_executor'], 'SingleThreadedExecutor')])
 def test_the_executor_is_the_lightest_that_rclpy_has(hidden, expected, monkeypatch):

@@ -241,6 +241,19 @@ def test_a_failure_while_writing_leaves_the_old_file(folder, swims, monkeypatch)
     assert sorted(os.listdir()) == ['a.csv', 'fitted.yaml', 'start.yaml']
 
 
+def test_the_estimates_are_written_before_the_plot(folder, swims, monkeypatch):
+    write_table(folder / 'a.csv', swims[0])
+
+    def fail(*_):
+        raise OSError('no space is left')
+
+    monkeypatch.setattr(command, 'plot', fail)
+    with pytest.raises(SystemExit) as ended:
+        main(['a.csv', '--free', DRAG, '--config', 'start.yaml', '--output', 'fitted.yaml', '--plot', 'fitted.png'])
+    assert ended.value.code == 'identify: no space is left'
+    assert Parameters.from_yaml('fitted.yaml').fin.drag_coefficient != MODEL.fin.drag_coefficient
+
+
 def test_a_table_has_the_run_that_was_written(folder, swims):
     read = read_run(write_table(folder / 'a.csv', swims[0]), SETTINGS)
     assert read.commands == swims[0].commands and list(read.channels) == list(BODY)
@@ -302,6 +315,10 @@ ROW = '0,0.5,0.5,0.6,0.6,0.7,0.7,0,0,0,0,0,0'
     (['time,speed'], "line 1: 'speed' is no name of a column, or is there twice"),
     ([f'{HEAD},u'], "line 1: 'u' is no name of a column, or is there twice"),
     ([HEAD.replace(',q', '')], 'line 1: there is no column q'),
+    ([HEAD.replace(',u', '')], 'line 1: there is no column u'),
+    ([HEAD.replace(',', ';'), ROW.replace(',', ';')], "is separated by ';', but must be by commas"),
+    ([HEAD.replace(',', '\t'), ROW.replace(',', '\t')], "is separated by '\\t', but must be by commas"),
+    ([HEAD, ROW, ROW.replace('0', '1e12', 1)], 'lasts 1e+12 s, but a run must last at most 3600 s'),
     ([HEAD.replace(',f_r', '')], 'line 1: there is no column f_r'),
     ([HEAD], 'has no measurement of position, orientation, twist,'),
     ([HEAD, '0,,,,,,,0,0,0,0,0,0'], 'has no command of the fins'),
@@ -339,10 +356,18 @@ def test_a_wrong_table_is_refused_by_file_line_value_and_bound(folder, lines, sa
     (['run.csv', '--free', DRAG, '--config', 'none.yaml'], 'No such file'),
     (['run.csv', '--free', DRAG, '--validate', 'none.csv'], "No such file or directory: 'none.csv'"),
     (['run.csv', '--free', DRAG, '--output', 'no/fitted.yaml'], '--output is no/fitted.yaml, but must be a .yaml file'),
+    (['run.csv', '--free', DRAG, '--output', 'folder.yaml'], '--output is folder.yaml, but must be a .yaml file in'),
+    (['run.csv', '--free', DRAG, '--config', 'start.yaml', '--output', './start.yaml'],
+     '--output is start.yaml, but that is an input: it would be replaced'),
+    (['run.csv', '--free', DRAG, '--plot', 'folder.png'], '--plot is folder.png, but must be a .png file in'),
+    (['run.csv', '--free', f'{DRAG},'], f"--free is '{DRAG},', but must have a name before and after each comma"),
+    (['run.csv', '--free', DRAG, '--channels', ''], "--channels is '', but must have a name before and after"),
+    (['--free', DRAG, '--design', 'run.csv'], "is 'run.csv', but must be a whole number above 0 and at most 1000"),
+    (['--free', DRAG, '--design', '--duration', '1e9'], "is '1e9', but must be a number above 0 and at most 3600"),
     (['run.csv', '--free', DRAG, '--plot', 'a.svg'], '--plot is a.svg, but must be a .png file'),
     (['run.csv', '--free', DRAG, '--channels', 'twist,speed'], '--channels has speed, but must have names of'),
     (['run.csv', '--free', DRAG, '--channels', 'wrench'], 'run.csv: has no measurement of wrench'),
-    (['run.csv', '--free', DRAG, '--segment', '0'], '0 is not above 0 and finite'),
+    (['run.csv', '--free', DRAG, '--segment', '0'], "is '0', but must be a number above 0 and at most 3600"),
     (['run.csv', '--free', DRAG, '--segment', '0.01'], 'segment is 0.01 s, but must be at least 0.2 s'),
     (['run.csv', '--free', DRAG, '--design', '--output', 'a.yaml'], '--output does not go with --design'),
     (['.', '--free', DRAG], '.: cannot be read as a bag'),
@@ -350,12 +375,14 @@ def test_a_wrong_table_is_refused_by_file_line_value_and_bound(folder, lines, sa
 def test_wrong_arguments_are_refused_with_status_2_and_one_line(folder, arguments, said, capsys):
     lines = [f'{time},,,,,,,{time},0,0,0,0,0' for time in (0.1, 0.2, 0.3)]
     (folder / 'run.csv').write_text('\n'.join([HEAD, ROW, *lines, '']))
+    (folder / 'folder.png').mkdir()
+    (folder / 'folder.yaml').mkdir()
     with pytest.raises(SystemExit, match='^2$'):
         main(arguments)
     out, errors = capsys.readouterr()
     line, = errors.splitlines()
     assert not out and line.startswith('identify: ') and said in line
-    assert sorted(os.listdir()) == ['run.csv', 'start.yaml']
+    assert sorted(os.listdir()) == ['folder.png', 'folder.yaml', 'run.csv', 'start.yaml']
 
 
 def test_each_bag_of_a_killed_recorder_is_named_in_a_line(folder, capsys):

@@ -1,6 +1,7 @@
 """`linearize`: the periodic motion is one, and the linear model predicts what the simulator does."""
 
 import dataclasses
+import os
 import re
 import subprocess
 
@@ -229,6 +230,22 @@ def test_the_command_prints_and_writes_the_model(tmp_path):
         assert float(first) == pytest.approx(saved['eigenvalues'][0].real, abs=1e-4)
 
 
+@pytest.mark.parametrize(('output', 'status', 'line'), [
+    ('closed pipe', 0, ''), ('/dev/full', 1, 'linearize: [Errno 28] No space left on device\n')])
+def test_the_model_is_written_although_it_cannot_be_printed(output, status, line, tmp_path):
+    if output == '/dev/full':
+        writes = os.open(output, os.O_WRONLY)
+    else:
+        reads, writes = os.pipe()
+        os.close(reads)
+    ended = subprocess.run(
+        [*command_of('linearize'), '--gait', '30,30,0.5,0.5,40,40', '--output', 'model.npz'], cwd=tmp_path,
+        stdout=writes, stderr=subprocess.PIPE, text=True, timeout=LIMIT, env=os.environ | {'PYTHONUNBUFFERED': '1'})
+    os.close(writes)
+    assert (ended.returncode, ended.stderr) == (status, line)
+    assert [path.name for path in tmp_path.iterdir()] == ['model.npz']
+
+
 @pytest.mark.parametrize(('arguments', 'status', 'line'), [
     ([], 2, 'the following arguments are required: --gait'),
     (['--gait', '30,30,0.5,0.5,40'], 2, r"'30,30,0.5,0.5,40' has 5 values, but must have 6 \(A_l,.*\) or 10"),
@@ -237,7 +254,9 @@ def test_the_command_prints_and_writes_the_model(tmp_path):
      r'right amplitude 120 degrees: amplitude is 2\.09.*, but must be from 0 to 1\.57'),
     (['--gait', '30,30,0.5,0.6,40,40'], 2, 'the frequencies are 0.5 Hz left and 0.6 Hz right'),
     (['--gait', '30,30,0.5,0.5,40,40', '--config', 'none.yaml'], 2, "No such file or directory: 'none.yaml'"),
-    (['--gait', '30,30,0.5,0.5,40,40', '--output', 'no/model.npz'], 2, '--output is no/model.npz, but no must be'),
+    (['--gait', '30,30,0.5,0.5,40,40', '--output', 'no/model.npz'], 2, '--output is no/model.npz, but must be a .npz'),
+    (['--gait', '30,30,0.5,0.5,40,40', '--output', 'thesis.tex'], 2, '--output is thesis.tex, but must be a .npz file'),
+    (['--gait', '-30,30,0.5,0.5,40,40'], 2, r'left amplitude -30 degrees: amplitude is -0\.52.*, but must be from 0'),
     (['--gait', '30,20,0.5,0.5,40,40'], 1, 'no equilibrium: after 30 iterations'),  # chordwise instability
 ])
 def test_the_command_refuses_in_one_line(arguments, status, line, tmp_path, monkeypatch, capsys):

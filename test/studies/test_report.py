@@ -4,6 +4,7 @@ import base64
 import html
 import http.server
 import json
+import math
 import queue
 import re
 import shutil
@@ -235,6 +236,24 @@ def test_a_picture_for_print_is_drawn(bag, tmp_path):
     with Image.open(tmp_path / 'made' / 'run.png') as image:
         assert image.width == 936  # 7.2 inches
         assert len(image.convert('RGB').getcolors(maxcolors=image.width * image.height)) > 50
+
+
+@pytest.mark.parametrize(('part', 'name', 'value'), [
+    ('position', 'y', math.nan), ('position', 'x', math.inf), ('orientation', 'w', math.nan), ('orientation', 'w', 0.0),
+])
+def test_an_odometry_without_a_pose_is_refused(part, name, value, bag, tmp_path):
+    kind = 'nav_msgs/msg/Odometry'
+    with Writer(tmp_path / 'bad', version=9, storage_plugin=StoragePlugin.MCAP) as writer:
+        odom = writer.add_connection('/odom', kind, typestore=TYPES)
+        with Reader(bag) as reader:
+            of_bag = [each for each in reader.connections if each.topic == '/odom']
+            for number, (_, time, data) in zip(range(2), reader.messages(of_bag)):  # the robot begins level
+                message = TYPES.deserialize_cdr(data, kind)
+                if number == 0:
+                    setattr(getattr(message.pose.pose, part), name, value)
+                writer.write(odom, time, TYPES.serialize_cdr(message, kind))
+    with pytest.raises(ValueError, match='bad: has an odom whose position is not finite, or whose orientation has no'):
+        read_swim(tmp_path / 'bad')
 
 
 @pytest.mark.parametrize(('arguments', 'said'), [

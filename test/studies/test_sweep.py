@@ -13,15 +13,16 @@ from pathlib import Path
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
+from matplotlib.figure import Figure
 from PIL import Image
 
 from evidence.harness.processes import LIMIT, command_of
 from evidence.validation.measurements import at_end
-from manta_sim_ros.dynamics import Parameters, fin_surfaces
+from manta_sim_ros.dynamics import Parameters, fin_surfaces, simulate_batch
 from manta_sim_ros.figures.gaits import gait
 from manta_sim_ros.figures.record import record
 from manta_sim_ros.figures.turning import Turn
-from manta_sim_ros.studies import cases
+from manta_sim_ros.studies import cases, plot
 from manta_sim_ros.studies import sweep as sweeps
 from manta_sim_ros.studies.cases import simulate_cases
 from manta_sim_ros.studies.study import read_study
@@ -283,6 +284,12 @@ def test_two_processes_do_not_write_the_same_results(study, tmp_path):
     (SMALL.replace('6.0', 'long'), "duration is 'long', but must be a finite number"),
     (SMALL.replace('6.0', '6.001'), r'duration is 6\.001 s, but must be .* whole number of steps .*, 0\.002 s'),
     (SMALL.replace('6.0', '-1'), 'duration is -1 s, but must be above 0'),
+    (SMALL.replace('6.0', '1e300'), r'duration is 1e\+300 s, but must be at most 1e\+06 s'),
+    (SMALL.replace('amplitude: 30', 'amplitude: 500'),
+     r'left amplitude 500 degrees: amplitude is 8\.7\d+, but must be from 0 to 1\.57'),
+    (SMALL.replace('amplitude: 30', 'amplitude: 30\n  right_frequency: -1'), 'right frequency -1 Hz: frequency is -1'),
+    (SMALL.replace('fin.chains: 4', 'fin.chains: .inf'), 'fin.chains is inf, but must be a finite number'),
+    (SMALL.replace('fin.chains: 4', 'fin.chains: {values: [4, .nan]}'), 'fin.chains is nan, but must be a finite'),
     (SMALL.replace('  amplitude', '  size'), "gait has the key 'size', but takes amplitude, frequency"),
     (SMALL.replace('amplitude: 30', 'amplitude: {from: 20, to: 120, count: 3}'),
      r'left amplitude 120 degrees: amplitude is 2\.09\d+, but must be from 0 to 1\.57'),
@@ -326,14 +333,22 @@ def test_a_wrong_study_is_refused_in_one_line_before_anything_is_done(text, line
 @pytest.mark.parametrize(('arguments', 'line'), [
     ([], 'the following arguments are required: STUDY.yaml'),
     (['none.yaml'], "No such file or directory: 'none.yaml'"),
-    (['study.yaml', '-o', 'no/results.parquet'], '--output is no/results.parquet, but no must be a directory'),
+    (['study.yaml', '-o', 'no/results.parquet'], '--output is no/results.parquet, but must be a file in a directory'),
+    (['study.yaml', '-o', ''], '--output is ., but must be a file in a directory that exists'),
+    (['study.yaml', '-o', '..'], '--output is .., but must be a file in a directory that exists'),
+    (['study.yaml', '-o', '/'], '--output is /, but must be a file in a directory that exists'),
+    (['study.yaml', '-o', 'folder.png'], r'--output is folder\.png, but must be a file in a directory that exists'),
+    (['study.yaml', '-o', './study.yaml'], r'--output is study\.yaml, but that is an input: it would be replaced'),
+    (['study.yaml', '-o', 'a.png', '--plot', './a.png'], r'--plot is a\.png, but that is --output: it would be'),
+    (['study.yaml', '--plot', 'folder.png'], r'--plot is folder\.png, but must be a \.png file in a directory that'),
     (['study.yaml', '--plot', 'plot.svg'], r'--plot is plot\.svg, but must be a \.png file'),
     (['three.yaml', '--plot', 'plot.png'], '--plot takes one or two quantities, but 3 are varied: amplitude'),
     (['text.yaml', '--plot', 'plot.png'], "--plot takes numbers only, but solver.coupling is 'sequential'"),
 ])
 def test_wrong_arguments_are_refused_in_one_line(arguments, line, study, tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    study(SMALL)
+    made = study(SMALL)
+    (tmp_path / 'folder.png').mkdir()
     study(SMALL.replace('amplitude: 30', 'amplitude: {values: [20, 30]}'), 'three.yaml')
     study('duration: 4.0\ngait: {frequency: 0.5}\nparameters: {solver.coupling: {values: [sequential, monolithic]}}',
           'text.yaml')
@@ -341,6 +356,92 @@ def test_wrong_arguments_are_refused_in_one_line(arguments, line, study, tmp_pat
         main(arguments)
     only, = capsys.readouterr().err.splitlines()
     assert ended.value.code == 2 and re.search(f'^sweep: .*{line}', only)
+    assert study(SMALL) == made
+    assert sorted(path.name for path in tmp_path.iterdir()) == ['folder.png', 'study.yaml', 'text.yaml', 'three.yaml']
+
+
+@pytest.mark.parametrize(('places', 'kind'), [
+    ([(2, 2), (2, 3), (4, 3), (4, 2)], 'QuadMesh'),
+    ([(2, 2), (2, 2), (4, 3), (4, 2)], 'PathCollection'),  # as many as a grid would have
+    ([(2, 2), (2, 3), (4, 3)], 'PathCollection'),
+])
+def test_only_cases_that_exist_are_drawn(places, kind, study, tmp_path, monkeypatch):
+    figure = Figure()
+    monkeypatch.setattr(plot, 'save_png', lambda panels, *_, **__: panels(figure))
+    made = study('duration: 4.0\ngait: {frequency: 0.5}\n'
+                 'parameters: {fin.chains: {values: [2, 4]}, fin.links: {values: [2, 3]}}')
+    results = dict(zip(made.names, zip(*places))) | {
+        name: [10.0 * chains + links for chains, links in places] for name in plot.PLOTTED}
+    monkeypatch.setattr(plot, 'whole', contextlib.nullcontext)
+    plot.draw(made, results, tmp_path / 'plot.png')
+    drawn, = figure.axes[0].collections
+    assert type(drawn).__name__ == kind
+    if kind == 'QuadMesh':
+        assert drawn.get_array().tolist() == [[22, 42], [23, 43]]
+    else:
+        assert drawn.get_offsets().tolist() == [[*place] for place in places]
+
+
+def test_a_plot_that_cannot_be_written_leaves_the_results_and_one_line(study, tmp_path, monkeypatch):
+    study(SMALL)
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sweeps, 'on_ending', lambda action: None)
+
+    def fail(*_):
+        raise OSError('no space is left')
+
+    monkeypatch.setattr(sweeps, 'draw', fail)
+    with pytest.raises(SystemExit) as ended:
+        main(['study.yaml', '--plot', 'plot.png'])
+    assert ended.value.code == 'sweep: no space is left'
+    assert len(rows_of(tmp_path / 'results.parquet')) == 6
+
+
+def test_files_of_others_are_kept(study, tmp_path):
+    made, parts = study(SMALL), tmp_path / 'results.parquet.parts'
+    parts.mkdir()
+    (parts / 'part-0000000.parquet').write_text('mine')
+    with pytest.raises(FileExistsError, match=r'results\.parquet\.parts has other files than parts of a sweep'):
+        sweep(made, tmp_path / 'results.parquet')
+    (parts / 'part-0000000.parquet').rename(parts / 'notes')
+    (parts / '_study').write_text(made.digest)  # begun, and then somebody put a file there
+    assert sweep(made, tmp_path / 'results.parquet') == 6
+    assert [path.name for path in parts.iterdir()] == ['notes'] and (parts / 'notes').read_text() == 'mine'
+    assert sweep(made, tmp_path / 'results.parquet') == 0
+    assert (parts / 'notes').exists()
+
+
+@pytest.mark.parametrize('share', [0.0, 0.5, 0.9])
+def test_a_part_that_lost_its_end_is_done_again(share, study, tmp_path, monkeypatch):
+    made, output = study(SMALL), tmp_path / 'results.parquet'
+    monkeypatch.setattr(sweeps, '_blocks', lambda cases, size: [cases[:2], cases[2:]])
+
+    def kill(count):
+        if count == 4:
+            raise KeyboardInterrupt
+
+    with contextlib.suppress(KeyboardInterrupt):
+        sweep(made, output, progress=kill)
+    monkeypatch.undo()
+    first, _ = sorted((tmp_path / 'results.parquet.parts').glob('part-*.parquet'))
+    content = first.read_bytes()
+    first.write_bytes(content[:int(share * len(content))])
+    assert sweep(made, output) == 2
+    assert_same(rows_of(output), simulate_cases(made))
+
+
+def test_cases_that_keep_many_states_are_simulated_in_turn(study, monkeypatch):
+    made, batches = study(SMALL), []
+    expected = simulate_cases(made)
+
+    def counted(parameters, *arguments, **options):
+        batches.append(len(parameters))
+        return simulate_batch(parameters, *arguments, **options)
+
+    monkeypatch.setattr(cases, 'simulate_batch', counted)
+    monkeypatch.setattr(cases, 'NUMBERS_AT_ONCE', 600_000)
+    assert_same(simulate_cases(made), expected)
+    assert max(batches) < 6 and sum(batches) == 2 * 6
 
 
 @pytest.mark.parametrize('names', [1, 2])
@@ -369,25 +470,29 @@ def started(module, *arguments, folder):
         process.wait()
 
 
-def test_a_cluster_does_all_cases_although_one_of_its_workers_is_killed(study, tmp_path, monkeypatch):
-    pytest.importorskip('distributed')
-    from distributed import Client
-
-    made = study(LONG)
-    address = tmp_path / 'scheduler.json'
-    worker = ('--scheduler-file', address, '--no-nanny', '--nthreads', 1, '--no-dashboard', '--host', '127.0.0.1')
-    with started('dask_scheduler', '--scheduler-file', address, '--host', '127.0.0.1', '--port', 0, '--no-dashboard',
-                 folder=tmp_path), \
-            started('dask_worker', *worker, folder=tmp_path) as victim, \
-            started('dask_worker', *worker, folder=tmp_path):
+@contextlib.contextmanager
+def cluster(folder, workers):
+    """Start a scheduler and workers of Dask; return its address, its process, and those of the workers."""
+    distributed = pytest.importorskip('distributed')
+    address = folder / 'scheduler.json'
+    arguments = ('--scheduler-file', address, '--no-dashboard', '--host', '127.0.0.1')
+    with contextlib.ExitStack() as stack:
+        scheduler = stack.enter_context(started('dask_scheduler', *arguments, '--port', 0, folder=folder))
+        processes = [stack.enter_context(started(
+            'dask_worker', *arguments, '--no-nanny', '--nthreads', 1, folder=folder)) for _ in range(workers)]
         deadline = time.monotonic() + LIMIT
         while not address.exists():
-            assert time.monotonic() < deadline, (tmp_path / 'dask_scheduler.log').read_text()
+            assert time.monotonic() < deadline, (folder / 'dask_scheduler.log').read_text()
             time.sleep(0.05)
-        with Client(scheduler_file=address) as client:
-            client.wait_for_workers(2, timeout=LIMIT)
+        with distributed.Client(scheduler_file=address) as client:
+            client.wait_for_workers(workers, timeout=LIMIT)
             url = client.scheduler.address
+        yield url, scheduler, processes
 
+
+def test_a_cluster_does_all_cases_although_one_of_its_workers_is_killed(study, tmp_path):
+    made = study(LONG)
+    with cluster(tmp_path, workers=2) as (url, _, (victim, _)):
         def kill(count):
             if count:
                 victim.kill()
@@ -398,6 +503,33 @@ def test_a_cluster_does_all_cases_although_one_of_its_workers_is_killed(study, t
     assert [row['case'] for row in rows] == list(range(len(made.cases)))
     assert not any(row['error'] for row in rows)
     assert_same(rows[:8], simulate_cases(made.part(range(8))))
+
+
+def test_a_scheduler_that_ends_is_told_in_a_line_and_the_finished_parts_are_kept(study, tmp_path):
+    made, done = study(LONG), []
+    with cluster(tmp_path, workers=1) as (url, scheduler, _):
+        def end(count):
+            done.append(count)
+            if count:
+                scheduler.terminate()
+                scheduler.wait(LIMIT)
+
+        with pytest.raises(ConnectionError, match=f'^the scheduler at {url} ended: the same command goes on after'):
+            sweep(made, tmp_path / 'all.parquet', scheduler=url, progress=end)
+    assert 0 < sum(done) < len(made.cases)
+    assert sweep(made, tmp_path / 'all.parquet') == len(made.cases) - sum(done)
+
+
+def test_a_worker_that_fails_is_told_in_a_line(study, tmp_path, monkeypatch):
+    def fail(part):
+        raise ModuleNotFoundError('No module named manta_sim_ros')
+
+    made = study(SMALL)
+    monkeypatch.setattr(sweeps, 'simulate_cases', fail)
+    with cluster(tmp_path, workers=1) as (url, *_), pytest.raises(
+            ChildProcessError, match='^a worker failed: ModuleNotFoundError: No module named manta_sim_ros'):
+        sweep(made, tmp_path / 'all.parquet', scheduler=url)
+    assert not list(tmp_path.glob('all.parquet*'))
 
 
 @pytest.mark.parametrize('address', ['tcp://127.0.0.1:1', 'nowhere', 'tls://127.0.0.1:1'])
