@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 
 from manta_sim_ros.dynamics import FloatArray, shown
-from manta_sim_ros.figures.files import whole
 from manta_sim_ros.learning.actions import OF_A_GAIT
 from manta_sim_ros.learning.observations import OBSERVATION, mirrored
 
@@ -59,11 +58,10 @@ class LinearPolicy:
         return observations[:, _COLUMNS] / _SCALES @ self.weights[:, :-1].T + self.weights[:, -1]
 
     def save(self, path: Path) -> None:
-        """Write the policy to a file of JSON, whole or not at all, with the names of what its numbers mean."""
+        """Write the policy to a file of JSON, with the names of what its numbers mean."""
         rows = {name: dict(zip((*FEATURES, 'constant'), row, strict=True))
                 for name, row in zip(OUTPUTS, self.weights.tolist(), strict=True)}
-        with whole(path) as part:
-            part.write_text(json.dumps(rows, indent=2) + '\n', encoding='utf-8')
+        path.write_text(json.dumps(rows, indent=2) + '\n', encoding='utf-8')
 
     @classmethod
     def load(cls, path: Path) -> LinearPolicy:
