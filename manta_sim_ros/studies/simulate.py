@@ -113,7 +113,8 @@ def simulate(
 
 def _check_duration(duration: float, model: Parameters) -> None:
     if not 0.0 < duration <= LONGEST_DURATION:
-        raise ValueError(f'duration is {duration:g} s, but must be more than 0 and at most {LONGEST_DURATION:g} s')
+        raise ValueError(
+            f'duration is {duration:g} s, but must be finite and more than 0, and at most {LONGEST_DURATION:g} s')
     whole_steps(duration, model.solver.time_step, 'duration')
 
 
