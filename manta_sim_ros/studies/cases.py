@@ -27,10 +27,10 @@ SAMPLES = 40
 """Least number of samples of a period, as far as there are so many time steps."""
 
 NUMBERS_AT_ONCE = 30_000_000
-"""The most numbers that the states of the cases have that are simulated at once: a quarter of a gigabyte."""
+"""Largest memory of the states of cases that are simulated at once, in numbers of 8 bytes: a quarter of a gigabyte."""
 
 NUMBERS_OF_STATE = 600
-"""Numbers in the place of which a state takes memory, besides its joints."""
+"""The memory of a state besides its joints, in numbers of 8 bytes."""
 
 RESULTS = (*Swim._fields, 'step_stable', 'warning', 'error')
 """What each case has besides its inputs: means over the last period (`Swim`), whether `solver.time_step` is stable for
@@ -90,7 +90,8 @@ def _simulate(
 ) -> list[dict[str, Any]]:
     """Simulate cases of the same `sampling`, and return what is known of each.
 
-    So many are simulated at once that their states fit into the memory: one fin may flap much faster than the other.
+    No more are simulated at once than their states fit into NUMBERS_AT_ONCE: they are many where one fin flaps much
+    faster than the other.
     """
     every = max(1, math.floor(1.0 / (highest * SAMPLES * time_step)))
     steps = round(duration / time_step)
