@@ -227,9 +227,11 @@ def main(args: Sequence[str] | None = None) -> None:
 
     def interrupted() -> None:
         parts = f'{options.output}.parts'
-        say(f'\n{parser.prog}: interrupted; ' + (
-            f'the finished parts are in {parts}: the same command goes on' if os.path.isdir(parts)
-            else 'no part was finished'), sys.stderr)
+        if os.path.isdir(parts):
+            what = f'the finished parts are in {parts}: the same command goes on'
+        else:
+            what = f'the results are in {options.output}' if options.output.exists() else 'no part was finished'
+        say(f'\n{parser.prog}: interrupted; {what}', sys.stderr)
         os._exit(130)
 
     on_ending(interrupted)

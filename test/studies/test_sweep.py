@@ -240,6 +240,26 @@ def test_an_interruption_is_told_in_a_line(study, tmp_path, ending):
     assert 'Traceback' not in err
 
 
+def test_an_interruption_before_the_first_part_and_after_the_last_one_says_what_there_is(
+        study, tmp_path, capsys, monkeypatch):
+    study(SMALL)
+    monkeypatch.chdir(tmp_path)
+    endings = []
+
+    def leave(status):
+        raise SystemExit(status)
+
+    monkeypatch.setattr(sweeps, 'on_ending', endings.append)
+    monkeypatch.setattr(os, '_exit', leave)
+    monkeypatch.setattr(sweeps, 'compile_kernels', lambda *_: endings[0]())
+    monkeypatch.setattr(sweeps, 'draw', lambda *_: endings[1]())
+    for what in ('no part was finished', 'the results are in results.parquet'):
+        with pytest.raises(SystemExit, match='^130$'):
+            main(['study.yaml', '--plot', 'plot.png'])
+        assert capsys.readouterr().err.splitlines()[-1] == f'sweep: interrupted; {what}'
+        monkeypatch.setattr(sweeps, 'compile_kernels', lambda *_: None)
+
+
 def test_results_of_another_study_are_refused_whether_whole_or_in_parts(study, tmp_path):
     made, other = study(SMALL), study(SMALL.replace('duration: 6.0', 'duration: 6.2'))
     output = tmp_path / 'results.parquet'
