@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import contextlib
 import fcntl
+import gc
 import importlib.util
 import os
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import pyarrow as pa
 import pyarrow.parquet as pq
@@ -23,6 +24,9 @@ from manta_sim_ros.studies.arguments import Parser, check_output
 from manta_sim_ros.studies.cases import simulate_cases
 from manta_sim_ros.studies.plot import check_plot, draw
 from manta_sim_ros.studies.study import Study, read_study, unit_of
+
+if TYPE_CHECKING:
+    from distributed import Client
 
 CASES_PER_CORE = 32
 """Cases of a part on this machine, for each core: a few seconds of computing, which are lost when it is killed."""
@@ -115,13 +119,9 @@ def _simulated(study: Study, cases: Sequence[int], scheduler: str | None) -> Ite
         for block in _blocks(cases, CASES_PER_CORE * len(os.sched_getaffinity(0))):
             yield simulate_cases(study.part(block))
         return
-    from distributed import CancelledError, Client, KilledWorker, as_completed
+    from distributed import CancelledError, KilledWorker, as_completed
 
-    try:
-        connected = Client(scheduler)
-    except (OSError, TypeError, ValueError) as error:
-        raise ConnectionError(f'there is no scheduler at {scheduler}: {error}') from error
-    with connected as client:
+    with _connected(scheduler) as client:
         tasks = [client.submit(simulate_cases, study.part(block)) for block in _blocks(cases, CASES_OF_A_TASK)]
         for task in as_completed(tasks):
             try:
@@ -133,6 +133,17 @@ def _simulated(study: Study, cases: Sequence[int], scheduler: str | None) -> Ite
                     f'the scheduler at {scheduler} ended: the same command goes on after the last part') from error
             except Exception as error:  # of any kind, such as a package that the worker does not have
                 raise ChildProcessError(f'a worker failed: {type(error).__name__}: {error}') from error
+
+
+def _connected(scheduler: str) -> Client:
+    from distributed import Client
+
+    try:
+        return Client(scheduler)
+    except (OSError, TypeError, ValueError) as error:
+        reason = str(error)
+    gc.collect()  # Here, not in the thread of a later client, which would wait in vain for the end of this one.
+    raise ConnectionError(f'there is no scheduler at {scheduler}: {reason}')
 
 
 def _blocks(cases: Sequence[int], size: int) -> list[Sequence[int]]:

@@ -1,6 +1,7 @@
 """`sweep`: the cases of a study, their results, refusals, kills, and a cluster."""
 
 import contextlib
+import gc
 import math
 import os
 import re
@@ -8,6 +9,7 @@ import signal
 import subprocess
 import sys
 import time
+import weakref
 from pathlib import Path
 
 import numpy as np
@@ -552,6 +554,25 @@ def test_a_worker_that_fails_is_told_in_a_line(study, tmp_path, monkeypatch):
             ChildProcessError, match='^a worker failed: ModuleNotFoundError: No module named manta_sim_ros'):
         sweep(made, tmp_path / 'all.parquet', scheduler=url)
     assert not list(tmp_path.glob('all.parquet*'))
+
+
+def test_nothing_is_left_of_the_client_of_a_scheduler_that_is_not_there(study, tmp_path, monkeypatch):
+    distributed = pytest.importorskip('distributed')
+    made, clients = study(SMALL), []
+
+    class Client(distributed.Client):
+        def start(self, **options):
+            clients.append(weakref.ref(self))
+            super().start(**options)
+
+    monkeypatch.setattr(distributed, 'Client', Client)
+    gc.disable()
+    try:
+        with pytest.raises(ConnectionError, match='^there is no scheduler at nowhere: '):
+            sweep(made, tmp_path / 'all.parquet', scheduler='nowhere')
+        assert [client() for client in clients] == [None]
+    finally:
+        gc.enable()
 
 
 @pytest.mark.parametrize('address', ['tcp://127.0.0.1:1', 'nowhere', 'tls://127.0.0.1:1'])
