@@ -53,6 +53,10 @@ class OtherStudyError(ValueError):
     """The results that are there are those of another study."""
 
 
+class AddressError(ValueError):
+    """What is given as address of a scheduler is none, or none that the configuration of Dask can reach."""
+
+
 def sweep(
     study: Study, output: Path, *, scheduler: str | None = None,
     progress: Callable[[int], object] = lambda count: None,
@@ -85,6 +89,8 @@ def sweep(
     ------
     OtherStudyError
         There are results of another study, or of another version of the package.
+    AddressError
+        There cannot be a scheduler at this address.
     OSError
         A file cannot be written or read, the scheduler is not reached, or another process writes the same results.
 
@@ -140,10 +146,12 @@ def _connected(scheduler: str) -> Client:
 
     try:
         return Client(scheduler)
-    except (OSError, TypeError, ValueError) as error:
-        reason = str(error)
+    except OSError as error:
+        failure: Exception = ConnectionError(f'there is no scheduler at {scheduler}: {error}')
+    except (TypeError, ValueError) as error:
+        failure = AddressError(f'there cannot be a scheduler at {scheduler}: {error}')
     gc.collect()  # Here, not in the thread of a later client, which would wait in vain for the end of this one.
-    raise ConnectionError(f'there is no scheduler at {scheduler}: {reason}')
+    raise failure
 
 
 def _blocks(cases: Sequence[int], size: int) -> list[Sequence[int]]:
@@ -253,7 +261,7 @@ def main(args: Sequence[str] | None = None) -> None:
         results = pq.read_table(options.output)
         if options.plot is not None:
             draw(study, results.to_pydict(), options.plot)
-    except OtherStudyError as error:
+    except (OtherStudyError, AddressError) as error:
         parser.error(str(error))
     except OSError as error:
         sys.exit(f'{parser.prog}: {" ".join(str(error).split())}')

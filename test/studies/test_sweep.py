@@ -28,7 +28,7 @@ from manta_sim_ros.studies import cases, plot
 from manta_sim_ros.studies import sweep as sweeps
 from manta_sim_ros.studies.cases import simulate_cases
 from manta_sim_ros.studies.study import read_study
-from manta_sim_ros.studies.sweep import OtherStudyError, main, sweep
+from manta_sim_ros.studies.sweep import AddressError, OtherStudyError, main, sweep
 from manta_sim_ros.studies.swim import tip_excursion
 
 ROOT = Path(__file__).parents[2]
@@ -568,24 +568,26 @@ def test_nothing_is_left_of_the_client_of_a_scheduler_that_is_not_there(study, t
     monkeypatch.setattr(distributed, 'Client', Client)
     gc.disable()
     try:
-        with pytest.raises(ConnectionError, match='^there is no scheduler at nowhere: '):
+        with pytest.raises(AddressError, match='^there cannot be a scheduler at nowhere: missing port'):
             sweep(made, tmp_path / 'all.parquet', scheduler='nowhere')
         assert [client() for client in clients] == [None]
     finally:
         gc.enable()
 
 
-@pytest.mark.parametrize('address', ['tcp://127.0.0.1:1', 'nowhere', 'tls://127.0.0.1:1'])
-def test_a_scheduler_that_is_not_there_is_told_in_a_line(address, study, tmp_path, monkeypatch):
+@pytest.mark.parametrize(('address', 'status', 'problem'), [
+    ('tcp://127.0.0.1:1', 1, 'there is no scheduler at'), ('nowhere', 2, 'there cannot be a scheduler at'),
+    ('tls://127.0.0.1:1', 2, 'there cannot be a scheduler at'),
+    ('ftp://127.0.0.1:1', 2, 'there cannot be a scheduler at'),
+])
+def test_a_scheduler_that_is_not_there_is_told_in_a_line(address, status, problem, study, tmp_path):
     pytest.importorskip('distributed')
-    import dask
-
     study(SMALL)
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr('manta_sim_ros.studies.sweep.on_ending', lambda action: None)
-    with dask.config.set({'distributed.comm.timeouts.connect': '0.5s'}), pytest.raises(SystemExit) as ended:
-        main(['study.yaml', '--scheduler', address])
-    assert re.match(f'sweep: there is no scheduler at {address}: ', ended.value.code) and '\n' not in ended.value.code
+    ended = subprocess.run(
+        [*command_of('sweep'), 'study.yaml', '--scheduler', address], cwd=tmp_path, capture_output=True, text=True,
+        timeout=LIMIT, env=os.environ | {'DASK_DISTRIBUTED__COMM__TIMEOUTS__CONNECT': '0.5s'})
+    assert ended.returncode == status
+    assert re.match(f'sweep: {problem} {address}: ', ended.stderr.splitlines()[-1])
     assert [path.name for path in tmp_path.iterdir()] == ['study.yaml']
 
 
