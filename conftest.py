@@ -27,8 +27,9 @@ def pytest_configure(config):
         with contextlib.suppress(OSError):
             lock = Path(tempfile.gettempdir(), f'manta_sim_ros_test_domain_{domain}.lock').open('w')
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as port:
-                port.bind(('', 7410 + 250 * domain))  # the port of the first participant of the domain
+            for participant in range(10):  # bound if one of them still runs, such as a node of a run that was killed
+                with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as port:
+                    port.bind(('', 7410 + 250 * domain + 2 * participant))
             config.domain_lock = lock  # held until the session ends
             break
     else:

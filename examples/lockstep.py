@@ -27,18 +27,20 @@ def main():
     commands = node.create_publisher(Float64MultiArray, 'fin_command', 1)
     reset, step = (node.create_client(Trigger, f'manta_sim/{name}') for name in ('reset', 'step'))
 
-    def call(client):
+    def call(client, patience=None):
         if not client.wait_for_service(timeout_sec=10.0):
             raise RuntimeError(f'no service {client.srv_name} within 10 s: is the simulator running?')
         answer = client.call_async(Trigger.Request())
-        rclpy.spin_until_future_complete(node, answer)
-        if not answer.result().success:
+        rclpy.spin_until_future_complete(node, answer, timeout_sec=patience)
+        if answer.done() and not answer.result().success:
             raise RuntimeError(answer.result().message)
+        return answer.done()
 
     def stamp():
         return Time.from_msg(heard[-1].header.stamp).nanoseconds
 
-    call(reset)  # publishes the first state
+    while not call(reset, patience=5.0):  # publishes the first state; the answer to a new client may be lost
+        pass
     while not heard or commands.get_subscription_count() == 0:
         rclpy.spin_once(node)
     for amplitude in AMPLITUDES:

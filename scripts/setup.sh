@@ -244,12 +244,12 @@ mv "$venv/env.sh.new" "$venv/env.sh"
 
 [ $# -gt 0 ] || exit 0
 
-# A domain in which nobody on this machine listens: the port is that of the domain's first participant.
+# A domain in which nobody on this machine listens: the ports are those of the domain's first ten participants.
 free_domain() {
-  local domain=$(($$ % 100 + 1)) tries port
+  local domain=$(($$ % 100 + 1)) tries ports
   for tries in {1..100}; do
-    port=$(printf ':%04X ' $((7410 + 250 * domain)))
-    grep -qs "$port" /proc/net/udp || break
+    ports=$(seq $((7410 + 250 * domain)) 2 $((7428 + 250 * domain)) | xargs printf ':%04X \n')
+    grep -qsF "$ports" /proc/net/udp || break
     domain=$((domain % 100 + 1))
   done
   echo "$domain"

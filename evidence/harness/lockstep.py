@@ -10,6 +10,8 @@ from rosgraph_msgs.msg import Clock
 from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import SetBool, Trigger
 
+from manta_sim_ros.nodes.outputs import LATECOMER_DELAY
+
 
 class LockstepRobot:
     """A simulator in its own namespace, whose simulated time this process controls."""
@@ -61,6 +63,10 @@ class LockstepRobot:
         end = self._time_of(self.trigger('step'))
         self.probe.until(lambda: self.odometry.stamps[-1:] == [end] == self.wrench.stamps[-1:], 'the outputs')
         return end
+
+    def repeat_no_more(self):
+        """Wait until the paused robot has sent its last outputs again to those who have subscribed lately."""
+        self.probe.listen(2.0 * LATECOMER_DELAY)
 
     def _time_of(self, answer):
         """Return the time in an answer [ns]. The clock may come later: a message may be lost, and be sent again."""

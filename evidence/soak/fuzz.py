@@ -178,6 +178,11 @@ class Target:
             self.memory = resident(self.node.process.pid)
         self.call('set_parameters', parameters=self.defaults)
         self.call('pause', data=False)
+        self.reset()
+
+    def reset(self) -> None:
+        """Reset, when nothing is on its way that must be refused: a reset drops it uncounted."""
+        self.settle()
         self.call('reset')
 
     @noticed
@@ -273,7 +278,7 @@ def machine(target: Target) -> type[RuleBasedStateMachine]:
 
         @rule(name=st.sampled_from(('step', 'reset')))
         def trigger(self, name: str) -> None:
-            target.call(name)
+            target.reset() if name == 'reset' else target.call(name)
             target.inputs += 1
 
         @rule(data=st.booleans())

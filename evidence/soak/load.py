@@ -74,9 +74,10 @@ def measure(lengths: Lengths) -> list[Fact]:
                         'a message to each subscriber')
             stopped.process.send_signal(signal.SIGSTOP)
             probe.listen(1.0)
-            first, began, used, memory = len(heard), time.monotonic(), processor_time(pid), resident(pid)
+            probe.until(lambda: heard, 'an output')
+            first, began, used, memory = len(heard) - 1, time.monotonic(), processor_time(pid), resident(pid)
             probe.listen(lengths.load)
-            outputs, elapsed = len(heard) - first, time.monotonic() - began
+            outputs, elapsed = len(heard) - 1 - first, time.monotonic() - began
             share = (processor_time(pid) - used) / elapsed
             simulated = 1e-9 * (heard.stamps[-1] - heard.stamps[first])
             grown = resident(pid) - memory

@@ -12,7 +12,7 @@ from geometry_msgs.msg import Pose, PoseWithCovariance, Quaternion
 from nav_msgs.msg import Odometry
 from sensor_msgs.msg import JointState
 
-from evidence.harness.processes import command_of
+from evidence.harness.processes import command_of, own_lines
 
 SPEED, DEPTH, HEADING = 0.25, 1.5, 60.0  # [m/s, m, degrees]
 QUEUE = 1000  # messages: none is lost when the node or this process stands still for a while
@@ -160,7 +160,7 @@ def test_it_ends_quietly_when_nobody_reads_its_lines_any_more(probe, publish):
         process.stdout.readline()
         process.stdout.close()
         probe.until(lambda: process.poll() is not None, 'its end', doing=lambda: publish(1.0))
-        assert (process.returncode, process.stderr.read()) == (0, b'')
+        assert (process.returncode, own_lines(process.stderr.read().decode())) == (0, [])
     finally:
         process.kill()
         process.wait()

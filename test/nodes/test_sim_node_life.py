@@ -30,6 +30,7 @@ VIOLENT = [0.8, 0.8, 4.0, 4.0, 0.7, 0.7]
 COMPILING = 'compiling the dynamics'
 OWN_CLOCK = '-r /clock:=/elsewhere/clock'
 SIGNALS = [signal.SIGINT, signal.SIGTERM, signal.SIGHUP]
+DOMAIN_OF_NOBODY = int(os.environ['ROS_DOMAIN_ID']) + 100  # where nobody else uses the shared memory of a test
 
 
 @pytest.fixture(scope='module', autouse=True)
@@ -61,7 +62,7 @@ def test_when_it_has_spun_it_leaves_no_shared_memory_whoever_still_holds_its_exe
     held = []
     monkeypatch.setattr('manta_sim_ros.nodes.sim_node.executor', lambda of: held.append(executor(of)) or held[0])
     before, context, ending = shared_memory_of('self'), Context(), Future()
-    context.init(['--ros-args', '-r', '__ns:=/spun', *OWN_CLOCK.split()])
+    context.init(['--ros-args', '-r', '__ns:=/spun', *OWN_CLOCK.split()], domain_id=DOMAIN_OF_NOBODY)
     node = SimNode(context)
     node.create_timer(0.05, lambda: ending.set_result(None))
     node.start()
@@ -76,8 +77,7 @@ def test_when_it_has_spun_it_leaves_no_shared_memory_whoever_still_holds_its_exe
 @pytest.mark.parametrize('ending', SIGNALS)
 def test_a_signal_ends_it_while_it_compiles_and_leaves_no_shared_memory(launch, tmp_path, ending):
     before = set(Path('/dev/shm').iterdir())
-    domain = str(int(os.environ['ROS_DOMAIN_ID']) + 100)  # where nobody else uses its shared memory
-    node = launch('sim_node', environment={'NUMBA_CACHE_DIR': str(tmp_path), 'ROS_DOMAIN_ID': domain})
+    node = launch('sim_node', environment={'NUMBA_CACHE_DIR': str(tmp_path), 'ROS_DOMAIN_ID': str(DOMAIN_OF_NOBODY)})
     node.wait_for_output(COMPILING)
     files, began = node.shared_memory - before, time.monotonic()
     node.send(ending)
