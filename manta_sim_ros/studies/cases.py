@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import warnings
 from collections.abc import Sequence
+from fractions import Fraction
 from typing import Any
 
 from manta_sim_ros.dynamics import (
@@ -68,7 +69,9 @@ class _Case:
         self.number = number
         self.parameters: Parameters = study.parameters_of(number)
         self.gaits: Gaits = study.gaits_of(number)
-        self.frequency = min((gait.frequency for gait in self.gaits if gait.frequency > 0.0), default=0.0)
+        moving = [gait for gait in self.gaits if gait.frequency > 0.0]
+        flapping = [gait.frequency for gait in moving if gait.amplitude > 0.0] or [gait.frequency for gait in moving]
+        self.frequency = min(flapping, default=0.0)
         if not self.frequency * study.duration >= 2.0:
             raise ValueError(
                 f'the lowest frequency of a fin that flaps is {self.frequency:g} Hz, but must be at least '
@@ -77,12 +80,23 @@ class _Case:
         simulator = Simulator(self.parameters)
         simulator.command(left=self.gaits[0], right=self.gaits[1])
         self.state: State = simulator.state
-        highest = max(gait.frequency for gait in self.gaits)
+        self.period = common_period(flapping, study.duration / 4.0)
         self.sampling = (
-            self.parameters.solver.time_step, 2.0 ** math.floor(math.log2(self.frequency)),
-            2.0 ** math.ceil(math.log2(highest)))
-        """Time step [s], and powers of 2 below the lowest and above the highest frequency [Hz]. Cases that agree in
-        them are sampled together: the results of a case do not depend on those beside it."""
+            self.parameters.solver.time_step, 2.0 ** math.floor(-math.log2(self.period)),
+            2.0 ** math.ceil(math.log2(max(flapping))))
+        """Time step [s], and powers of 2 below the frequency of the period and above the highest one [Hz]. Cases that
+        agree in them are sampled together: the results of a case do not depend on those beside it."""
+
+
+def common_period(frequencies: Sequence[float], longest: float) -> float:
+    """Return the time [s] after which fins with these frequencies [Hz] repeat their motion.
+
+    If that is above `longest` [s], it is the time of whole strokes of the slower fin up to `longest`, at least of one,
+    after which the other one is nearest to a whole number of its own.
+    """
+    slower, faster = min(frequencies), max(frequencies)
+    strokes = Fraction(faster / slower).limit_denominator(max(1, int(longest * slower))).denominator
+    return strokes / slower
 
 
 def _simulate(
@@ -113,6 +127,6 @@ def _simulate(
         ends[index] = record if isinstance(record, DivergenceError) else [begun[index], *record]
     return [
         {'error': str(end)} if isinstance(end, DivergenceError) else {
-            **swim(case.parameters, end, case.frequency)._asdict(),
+            **swim(case.parameters, end, case.frequency, case.period)._asdict(),
             'warning': body_warning(case.parameters) or turn_warning(case.parameters, end[-1])}
         for case, end in zip(group, ends, strict=True)]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import math
 import warnings
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
@@ -11,7 +12,7 @@ import numpy as np
 
 from manta_sim_ros.dynamics import DivergenceError, FloatArray, Parameters, Simulator
 from manta_sim_ros.studies.gaits import gaits_from
-from manta_sim_ros.studies.identification import Problem, directions_of
+from manta_sim_ros.studies.identification import Problem, check_free, directions_of
 from manta_sim_ros.studies.measured import CHANNELS, ORIENTATIONS, Run, Series
 from manta_sim_ros.studies.replay import predicted
 
@@ -77,11 +78,16 @@ def design(
     Raises
     ------
     ValueError
-        A name is not that of a number of the model.
+        No parameter is free, a name is not that of a number of the model, or `count` or `duration` is too small.
     NotIdentifiableError
         These gaits, with the data, cannot say what the values are.
 
     """
+    check_free(free)
+    if not count >= 1:
+        raise ValueError(f'count is {count}, but must be at least 1')
+    if not SAMPLE_INTERVAL <= duration < math.inf:
+        raise ValueError(f'duration is {duration:g} s, but must be a finite number of at least {SAMPLE_INTERVAL:g} s')
     measured = Problem(runs, free, parameters).noise() if runs else {
         name: np.full(3 if name in ORIENTATIONS else len(CHANNELS[name]), deviation)
         for name, deviation in NOISE.items()}

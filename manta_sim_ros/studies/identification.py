@@ -12,7 +12,7 @@ from scipy.stats import t as student
 
 from manta_sim_ros.dynamics import DivergenceError, FloatArray, Parameters
 from manta_sim_ros.studies.measured import Run
-from manta_sim_ros.studies.replay import Values, error, interval_of, plan_of, simulate_runs, value_of
+from manta_sim_ros.studies.replay import Values, error, interval_of, plan_of, simulate_runs, value_of, with_whole_starts
 from manta_sim_ros.studies.study import with_parameters
 
 CONFIDENCE = 0.95
@@ -114,7 +114,8 @@ class Problem:
     Raises
     ------
     ValueError
-        A name is not that of a number of the model, or a segment is too short or has no measured start.
+        There are no runs; a name is not that of a number of the model, or is given twice; a segment is too short, or
+        has no sample of a channel that says where it starts.
     DivergenceError
         The motion diverges with these values.
 
@@ -123,15 +124,21 @@ class Problem:
     def __init__(
         self, runs: Sequence[Run], free: Sequence[str], parameters: Parameters, segment: float | None = None,
     ) -> None:
+        if not runs:
+            raise ValueError('there are no runs, but must be at least one')
+        for name in free:
+            if list(free).count(name) > 1:
+                raise ValueError(f'{name} is free twice, but must be once')
         self.runs, self.names, self.parameters = runs, tuple(free), parameters
         values = np.array([value_of(parameters, name) for name in free])
         about = [Parameters.quantities()[name.partition('[')[0]] for name in free]
         self.every = interval_of(runs, parameters.solver.time_step)
-        self.plans = [plan_of(run, parameters, self.every, segment) for run in runs]
+        self.plans = with_whole_starts(
+            [plan_of(run, parameters, self.every, segment) for run in runs], parameters, self.every)
         counts = [len(plan.starts) for plan in self.plans]
         self._first = np.cumsum([0, *counts])  # segment of each run
         starts = [(first + number, coordinate) for first, plan in zip(self._first, self.plans, strict=False)
-                  for number in range(len(plan.starts)) for coordinate in plan.free]
+                  for number in range(len(plan.starts)) for coordinate in plan.starts[number].free]
         self._of_segment, self._coordinate = np.array(starts, dtype=int).reshape(-1, 2).T
         self._coordinates = np.unique(self._coordinate)
         self._set_rows()
@@ -148,6 +155,7 @@ class Problem:
         self.bounds = (
             np.concatenate([np.array([each.low for each in about]) / self.scales, np.full(len(starts), -np.inf)]),
             np.concatenate([self._high / self.scales, np.full(len(starts), np.inf)]))
+        self._hold_starts_without_effect()
 
     def _set_rows(self) -> None:
         """Set segment, component and known standard deviation (N,) of each of the N errors, and the components."""
@@ -181,6 +189,17 @@ class Problem:
         small = [decade for decade, each in zip(tried, changed, strict=True)
                  if not isinstance(each, DivergenceError) and np.mean(((each - base) * self.weights) ** 2) < 1.0]
         return float(max(small, default=tried[0]))
+
+    def _hold_starts_without_effect(self) -> None:
+        """Keep the coordinates of starts, such as where the robot is, as they are if no sample depends on them."""
+        of_coordinates = self.quotients(self.start)[1][:, np.searchsorted(self._coordinates, self._coordinate)]
+        own = self.segments[:, None] == self._of_segment
+        squares = np.sum(np.where(own, of_coordinates, 0.0) ** 2, axis=0)
+        free = squares > NO_EFFECT ** 2 * np.sum(own, axis=0)
+        self._of_segment, self._coordinate = self._of_segment[free], self._coordinate[free]
+        self._coordinates = np.unique(self._coordinate)
+        kept = np.concatenate([np.ones(len(self.names), dtype=bool), free])
+        self.start, self.bounds = self.start[kept], (self.bounds[0][kept], self.bounds[1][kept])
 
     def noise(self) -> dict[str, FloatArray]:
         """Return the median standard deviation of each component by channel, as far as it is known by now."""
@@ -296,13 +315,18 @@ class Problem:
 
         x = self.start
         for _ in range(most_fits if len(x) else 0):
-            found = least_squares(residuals, np.clip(x, *self.bounds), self.jacobian, self.bounds, x_scale='jac',
-                                  ftol=TOLERANCE ** 2 / len(self.known), max_nfev=MOST_EVALUATIONS)
-            if found.status <= 0:
+            x = np.clip(x, *self.bounds)
+            for method in ('dogbox', 'trf'):  # dogbox also leaves a bound, trf also ends where directions differ much
+                found = least_squares(
+                    residuals, x, self.jacobian, self.bounds, method=method, x_scale='jac',
+                    ftol=TOLERANCE ** 2 / len(self.known), max_nfev=MOST_EVALUATIONS // 2)
+                x = found.x
+                if found.status > 0:
+                    break
+            else:
                 raise NotIdentifiableError(
-                    f'the search has not ended after {MOST_EVALUATIONS} simulations: free fewer parameters, or give '
-                    'other values to start from')
-            x = found.x
+                    f'the search has not ended after {MOST_EVALUATIONS} simulations: free fewer parameters, take '
+                    'longer segments, or give other values to start from')
             if self._estimate_noise(found.fun / self.weights) < NOISE_TOLERANCE:
                 break
         return np.asarray(x)
@@ -330,6 +354,12 @@ class Directions(NamedTuple):
     def mixed(self, names: Sequence[str]) -> str:
         """Return the names of the parameters of the weakest direction."""
         return ', '.join(name for name, part in zip(names, self.rows[-1], strict=True) if abs(part) > SHARE)
+
+
+def check_free(free: Sequence[str]) -> None:
+    """Raise a ValueError if no parameter is free."""
+    if not free:
+        raise ValueError('no parameter is free, but at least one must be')
 
 
 def directions_of(names: Sequence[str], sensitivities: FloatArray) -> Directions:
@@ -364,9 +394,11 @@ def identify(
     The sum of the squares of all errors in standard deviations of the noise is minimized, within the bounds of the
     parameters. Noise that the data do not know is estimated for each component of each channel from the errors.
 
-    A segment starts with a body of its own, pose and twist being free where they are measured, while the fins go on:
-    they are hardly ever measured, and forget their start within a stroke or two. The starts are not tied to the ends of
-    the segments before, so that an error of the model, or an unstable motion, does not add up over a long run.
+    A segment starts with a body of its own, while the fins go on: they are hardly ever measured, and forget their start
+    within a stroke or two. Pose and twist at its start are free; the search begins with what is measured, and with a
+    simulation of the run for the rest. Only a run starts at the origin, and at rest, where that is not measured. The
+    starts are not tied to the ends of the segments before, so that an error of the model, or an unstable motion, does
+    not add up over a long run.
 
     Parameters
     ----------
@@ -384,13 +416,14 @@ def identify(
     Raises
     ------
     ValueError
-        A name is not that of a number of the model, or a segment is too short.
+        No parameter is free, a name is not that of a number of the model, or as `Problem`.
     NotIdentifiableError
         The data cannot say what the values are; names the parameters. This is a ValueError.
     DivergenceError
         The motion diverges. This is a ValueError.
 
     """
+    check_free(free)
     problem = Problem(runs, free, parameters, segment)
     directions_of(free, np.concatenate(problem.sensitivities(problem.start)))
     x = problem.fit(done)

@@ -17,7 +17,7 @@ from manta_sim_ros.figures.jobs import say
 from manta_sim_ros.studies.arguments import Parser, check_output
 from manta_sim_ros.studies.gaits import NAMES, ORDER, gaits_of
 from manta_sim_ros.studies.linear_model import LinearModel
-from manta_sim_ros.studies.poincare import BODY, NoEquilibriumError, PeriodMap, difference, steps
+from manta_sim_ros.studies.poincare import BODY, STEP, NoEquilibriumError, PeriodMap, difference, steps
 
 INPUTS = tuple(f'{side}_{name}' for side in SIDES for name in NAMES)
 MEANS = tuple(f'mean_{name}' for name in BODY)
@@ -48,12 +48,20 @@ def linearize(
     Raises
     ------
     ValueError
-        The gaits have no common period, the water flows, or the body is held; names the value and the bound.
+        The gaits have no common period or are at a bound, the water flows, or the body is held; names the value and the
+        bound.
     NoEquilibriumError
         No cruise and no steady turn was found. This is a ValueError.
 
     """
     period_map = PeriodMap(parameters, left, right)
+    for side, gait in zip(SIDES, (left, right), strict=True):
+        for name, about in FinCommand.quantities().items():
+            value = getattr(gait, name)
+            if not about.low + STEP <= value <= about.high - STEP:
+                raise ValueError(
+                    f'the {side} {name} is {value:g}, but must be {STEP:g} away from its bounds, {about.low:g} and '
+                    f'{about.high:g}: the derivatives are differences to both sides')
     state = period_map.settle(start)
     body = len(period_map.names)
     samples, = period_map.advance([state])
@@ -80,7 +88,7 @@ def linearize(
     body_A = next_x[:body, :body]
     return LinearModel(
         period=period_map.period, gaits=gaits, equilibrium=state, means=_means(period_map, state, samples),
-        heading_rate=float(Rotation.from_quat(samples[-1].orientation).as_euler('ZYX')[0]) / period_map.period,
+        heading_rate=_turn(state, samples) / period_map.period,
         climb_rate=float(samples[-1].position[2] - state.position[2]) / period_map.period,
         states=(*period_map.names, *ANGLES, *smoothed), inputs=INPUTS, outputs=MEANS,
         A=next_x[:, :known], B=next_x[:, known:], C=means[:, :known], D=means[:, known:],
@@ -100,6 +108,12 @@ def _perturbed(gaits: tuple[FinCommand, FinCommand]) -> list[tuple[FinCommand, F
     values = np.array([gait.as_array() for gait in gaits])
     return [(FinCommand(*left), FinCommand(*right)) for left, right in (
         values + step.reshape(2, 5) for step in steps(len(INPUTS)))]
+
+
+def _turn(before: State, record: Sequence[State]) -> float:
+    """Return by how much the heading turns over a period [rad]: in a sharp turn, that is more than half a turn."""
+    headings = Rotation.from_quat([state.orientation for state in (before, *record)]).as_euler('ZYX')[:, 0]
+    return float(np.unwrap(headings)[-1] - headings[0])
 
 
 def _means(period_map: PeriodMap, before: State, record: Sequence[State]) -> FloatArray:

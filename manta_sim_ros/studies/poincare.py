@@ -47,6 +47,9 @@ TOLERANCE = 1e-9
 STEP = 1e-5
 """Half of the difference of central differences [SI units]: errors of second order and of rounding are below 1e-8."""
 
+DEEPEST_STEP = 0.01
+"""Largest change of the depth in an iteration [m]: near the surface, the forces change within centimeters."""
+
 STEEPEST = math.radians(80.0)
 """Largest roll and pitch of a robot that swims upright [rad]."""
 
@@ -150,7 +153,7 @@ class PeriodMap:
         for _ in range(SETTLING):
             samples, = self.advance([state])
             state = self._upright(samples[-1])
-        if any(_above_water(self.parameters, sample) for sample in samples):
+        if self._at_surface(samples):
             self.names = (*BODY, DEPTH)
         change = math.inf
         for _ in range(MOST_ITERATIONS):
@@ -160,8 +163,13 @@ class PeriodMap:
             residual = self.coordinates(after) - self.coordinates(state)
             change = max(float(np.abs(residual).max()), float(np.abs(after.joint_angles - state.joint_angles).max()))
             if change < TOLERANCE:
+                if DEPTH in self.names and not self._at_surface(samples):
+                    raise NoEquilibriumError(
+                        f'no equilibrium: the robot leaves the surface of the water, z is {after.position[2]:.3g} m')
                 return state
             newton = np.linalg.solve(np.eye(len(residual)) - self.body_jacobian(state), residual)
+            if DEPTH in self.names:
+                newton *= min(1.0, DEEPEST_STEP / abs(newton[-1]))
             state = self._upright(self.moved(after, self.coordinates(state) + newton))
         raise NoEquilibriumError(
             f'no equilibrium: after {MOST_ITERATIONS} iterations the state still changes by {change:.2g} in a period, '
@@ -176,6 +184,10 @@ class PeriodMap:
         """Return two states for each coordinate of the body: STEP above the given state, and STEP below."""
         coordinates = self.coordinates(state)
         return [self.moved(state, coordinates + step) for step in steps(len(coordinates))]
+
+    def _at_surface(self, samples: Sequence[State]) -> bool:
+        """Whether a part of the robot is above the surface of the water at a time."""
+        return any(_above_water(self.parameters, sample) for sample in samples)
 
     def _upright(self, state: State) -> State:
         """Return the state, or raise an error if it is not upright."""

@@ -25,7 +25,16 @@ ROUNDING = 1e-3
 """Largest difference of a time from a whole number of time steps, in steps."""
 
 STARTS = {'position': range(3), 'orientation': range(3, 6), 'twist': range(6, 12)}
-"""Coordinates of the start of a segment, which are free where the channel is measured."""
+"""Coordinates of the start of a segment that a channel measures: position [m], rotation vector [rad], twist."""
+
+ALL = tuple(itertools.chain.from_iterable(STARTS.values()))
+"""All coordinates of a start."""
+
+DYNAMIC = ('acceleration', 'fin_wrenches', 'rod_torques')
+"""What a state has from the step before it."""
+
+DYNAMIC_STEPS = 4
+"""Time steps after which these are those of the motion with the staggered coupling, too: within a percent."""
 
 Values = dict[str, FloatArray]
 """The values (T, k) of each channel at the times of its samples."""
@@ -56,13 +65,15 @@ def value_of(parameters: Parameters, name: str) -> float:
 
 
 class Start(NamedTuple):
-    """The start of a segment: the measured pose and twist, or rest at the origin where they are not measured."""
+    """The start of a segment."""
 
     interval: int
     """Number of the interval of the simulation that it begins."""
-    position: FloatArray
-    orientation: Rotation
-    twist: FloatArray
+    body: dict[str, FloatArray]
+    """Position [m], orientation (quaternion) and twist of the body, as far as they are known; others are those of the
+    simulation until there: rest at the origin at the beginning of a run."""
+    free: tuple[int, ...]
+    """Its coordinates that are free."""
 
 
 class Plan(NamedTuple):
@@ -70,8 +81,6 @@ class Plan(NamedTuple):
 
     run: Run
     starts: list[Start]
-    free: tuple[int, ...]
-    """Coordinates of the starts that are free."""
     intervals: int
     commands: dict[int, Gaits]
     """Gaits by the number of the interval from which they act."""
@@ -110,9 +119,9 @@ def plan_of(run: Run, parameters: Parameters, every: float, segment: float | Non
     """
     last = max(float(series.time[-1]) for series in run.channels.values())
     intervals = max(1, math.ceil(last / every - ROUNDING))
+    if segment is not None and not (math.isfinite(segment) and round(segment / every) >= 2):
+        raise ValueError(f'segment is {segment:g} s, but must be a finite number of at least {2 * every:g} s')
     length = intervals if segment is None else round(segment / every)
-    if length < 2 and segment is not None:
-        raise ValueError(f'segment is {segment:g} s, but must be at least {2 * every:g} s')
     begins = list(range(0, max(1, intervals - length // 2), length))  # a short rest belongs to the last one
     measured = [] if parameters.solver.fixed_base else [name for name in STARTS if name in run.channels]
     starts = []
@@ -125,8 +134,9 @@ def plan_of(run: Run, parameters: Parameters, every: float, segment: float | Non
                 raise ValueError(f'{run.name}: has no {name} from {begin * every:g} to {end * every:g} s, where a '
                                  'segment starts')
             first[name] = series.values[index]
-        starts.append(Start(begin, first.get('position', np.zeros(3)), Rotation.from_quat(
-            first.get('orientation', [0.0, 0.0, 0.0, 1.0])), first.get('twist', np.zeros(6))))
+        free = ALL if begin and not parameters.solver.fixed_base else tuple(
+            coordinate for name in measured for coordinate in STARTS[name])
+        starts.append(Start(begin, first, free))
     samples, segments = {}, {}
     for name, series in run.channels.items():
         at = series.time / every
@@ -134,8 +144,30 @@ def plan_of(run: Run, parameters: Parameters, every: float, segment: float | Non
         segments[name] = np.searchsorted(begins, before, side='right') - 1
         samples[name] = (before + segments[name], np.clip(at - before, 0.0, 1.0))  # each segment has one state more
     commands = {round(time / every): gaits for time, gaits in run.commands}
-    free = tuple(coordinate for name in measured for coordinate in STARTS[name])
-    return Plan(run, starts, free, intervals, commands, samples, segments)
+    return Plan(run, starts, intervals, commands, samples, segments)
+
+
+def with_whole_starts(plans: Sequence[Plan], parameters: Parameters, every: float) -> list[Plan]:
+    """Return plans whose later segments start with what is not measured as a simulation of the whole run has it.
+
+    Raises
+    ------
+    DivergenceError
+        A motion diverges.
+
+    """
+    if all(len(start.body) == len(STARTS) for plan in plans for start in plan.starts if start.interval):
+        return list(plans)
+    found = _simulate([(parameters, plan, np.zeros((len(plan.starts), 12))) for plan in plans], every)
+    whole = []
+    for plan, states in zip(plans, found, strict=True):
+        if isinstance(states, DivergenceError):
+            raise states
+        bodies = [states[start.interval + number] for number, start in enumerate(plan.starts)]
+        whole.append(plan._replace(starts=[
+            start._replace(body={name: getattr(body, name) for name in STARTS}) if start.interval else start
+            for start, body in zip(plan.starts, bodies, strict=True)]))
+    return whole
 
 
 def simulate_runs(
@@ -147,11 +179,20 @@ def simulate_runs(
     ----------
     cases
         For each robot all values of the model, the plan of its run, and the changes (S, 12) of its S starts: position
-        [m], rotation vector in the body frame [rad] and twist [m/s, rad/s].
+        [m], rotation vector in the world frame [rad], whose third component turns the heading alone, and twist [m/s,
+        rad/s].
     every
         Interval of the simulated states [s].
 
     """
+    return [found if isinstance(found, DivergenceError) else _sampled(plan, _Record(found, parameters, plan.run.imu))
+            for found, (parameters, plan, _) in zip(_simulate(cases, every), cases, strict=True)]
+
+
+def _simulate(
+    cases: Sequence[tuple[Parameters, Plan, FloatArray]], every: float,
+) -> list[list[State] | DivergenceError]:
+    """Return the states of each robot, those of each segment from its start to its end."""
     states: list[State] = [State.at_rest(parameters) for parameters, _, _ in cases]
     records: list[list[State]] = [[] for _ in cases]
     failed: dict[int, DivergenceError] = {}
@@ -160,13 +201,17 @@ def simulate_runs(
         *(start.interval for start in plan.starts), *plan.commands, plan.intervals)})
     for begin, end in itertools.pairwise(breaks):
         active = [index for index, (_, plan, _) in enumerate(cases) if begin < plan.intervals and index not in failed]
-        for index in active:
-            parameters, plan, changes = cases[index]
-            for start, change in zip(plan.starts, changes, strict=True):
-                if start.interval == begin:
-                    if not parameters.solver.fixed_base:
-                        states[index] = _put(states[index], start, change)
-                    records[index].append(states[index])
+        begun = [(index, _put(states[index], start, change) if start.free else states[index]) for index in active
+                 for start, change in zip(cases[index][1].starts, cases[index][2], strict=True)
+                 if start.interval == begin]
+        settled = _with_dynamics([cases[index][0] for index, _ in begun], [state for _, state in begun])
+        for (index, _), state in zip(begun, settled, strict=True):
+            if isinstance(state, DivergenceError):
+                failed[index] = state
+            else:
+                states[index] = state
+                records[index].append(state)
+        active = [index for index in active if index not in failed]
         commands = [cases[index][1].commands.get(begin) for index in active]
         try:
             found = simulate_batch(
@@ -181,15 +226,24 @@ def simulate_runs(
             else:
                 records[index] += record
                 states[index] = record[-1]
-    return [failed[index] if index in failed else _sampled(plan, _Record(records[index], parameters, plan.run.imu))
-            for index, (parameters, plan, _) in enumerate(cases)]
+    return [failed.get(index, record) for index, record in enumerate(records)]
 
 
 def _put(state: State, start: Start, change: FloatArray) -> State:
     """Return a state with the body at the start of a segment, and the fins as they are."""
+    position, orientation, twist = (start.body.get(name, getattr(state, name)) for name in STARTS)
     return dataclasses.replace(
-        state, position=start.position + change[:3], twist=start.twist + change[6:],
-        orientation=(start.orientation * Rotation.from_rotvec(change[3:6])).as_quat())
+        state, position=position + change[:3], twist=twist + change[6:],
+        orientation=(Rotation.from_rotvec(change[3:6]) * Rotation.from_quat(orientation)).as_quat())
+
+
+def _with_dynamics(parameters: Sequence[Parameters], states: Sequence[State]) -> list[State | DivergenceError]:
+    """Return states with the DYNAMIC values of their motion, in place of those of another one that `_put` left."""
+    if not states:
+        return []
+    after = simulate_batch(parameters, states, None, DYNAMIC_STEPS * parameters[0].solver.time_step)
+    return [end if isinstance(end, DivergenceError) else dataclasses.replace(
+        state, **{name: getattr(end, name) for name in DYNAMIC}) for state, end in zip(states, after, strict=True)]
 
 
 class _Record(NamedTuple):

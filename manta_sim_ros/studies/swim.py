@@ -24,12 +24,12 @@ SMALL_SPEED, SMALL_TURN = 0.01, 0.5
 
 
 class Swim(NamedTuple):
-    """Means over the last flapping period of a swim."""
+    """Means over the last period of a swim."""
 
     thrust: float
     """Forward force of both fins on the body [N]."""
     speed: float
-    """Forward speed [m/s]."""
+    """Forward speed over ground [m/s]."""
     yaw_rate: float
     """Rate of the heading [degrees/s], positive to the left."""
     turning_radius: float
@@ -39,7 +39,8 @@ class Swim(NamedTuple):
     cost_of_transport: float
     """Power over weight times speed; NaN if the robot does not swim, or has no weight."""
     strouhal: float
-    """Frequency times excursion of the fin tips over speed; NaN if the robot does not swim."""
+    """Frequency times excursion of the fin tips over the forward speed through the water; the excursion is that beside
+    the mean climb. NaN if the robot does not swim."""
     converged: bool
     """Whether speed and yaw rate are those of the period before."""
 
@@ -63,7 +64,7 @@ def tip_excursion(
     return float(np.ptp(heights, axis=0).mean())
 
 
-def swim(parameters: Parameters, states: Sequence[State], frequency: float) -> Swim:
+def swim(parameters: Parameters, states: Sequence[State], frequency: float, period: float) -> Swim:
     """Return the means over the last period of states at equal intervals, which must cover two periods.
 
     Parameters
@@ -74,33 +75,39 @@ def swim(parameters: Parameters, states: Sequence[State], frequency: float) -> S
         The first one is at least two periods before the last one.
     frequency
         Of the flapping [Hz]; of two fins with different ones, the lower one.
+    period
+        Time after which both fins repeat their motion [s].
 
     """
     time = np.array([state.time for state in states])
-    period = 1.0 / frequency
     ends = time[-1] - period * np.array([2.0, 1.0, 0.0])
     orientation = np.array([state.orientation for state in states])
     heading = np.unwrap(Rotation.from_quat(orientation).as_euler('ZYX')[:, 0])
-    turned = Rotation.from_euler('Z', -heading[:, None]) * Rotation.from_quat(orientation)
+    attitude = Rotation.from_quat(orientation)
+    turned = Rotation.from_euler('Z', -heading[:, None]) * attitude
     twist = np.array([state.twist for state in states])
+    current = attitude.inv().apply(
+        parameters.water.current + np.array([state.current_deviation for state in states]))
     along = turned.apply(twist[:, :3])  # in a frame that turns with the heading
     values = np.column_stack([
-        [state.wrench[0] for state in states], twist[:, 0], [state.rod_power for state in states], along])
+        [state.wrench[0] for state in states], twist[:, 0], [state.rod_power for state in states],
+        twist[:, 0] - current[:, 0], along])
     before, last = np.diff(CubicSpline(time, values).antiderivative()(ends), axis=0) / period
     yaw_rates = np.degrees(np.diff(CubicSpline(time, heading)(ends))) / period
-    thrust, speed, power = last[:3]
+    thrust, speed, power, through_water = last[:4]
     rate = float(yaw_rates[1])
-    of_period = states[int(np.searchsorted(time, ends[1])):]
-    excursion = tip_excursion(
-        parameters, *(np.array([getattr(state, name) for state in of_period])
-                      for name in ('position', 'orientation', 'rod_angles', 'joint_angles')))
+    of_period = states[int(np.searchsorted(time, ends[1], 'right')) - 1:]
+    position, *others = (np.array([getattr(state, name) for state in of_period])
+                         for name in ('position', 'orientation', 'rod_angles', 'joint_angles'))
+    climb = np.linspace(0.0, 1.0, len(position))[:, None] * (position[-1] - position[0])
+    excursion = tip_excursion(parameters, position - climb, *others)
     return Swim(
         thrust=float(thrust), speed=float(speed), yaw_rate=rate,
-        turning_radius=float(np.linalg.norm(last[3:])) / math.radians(abs(rate)) if abs(rate) >= SLOWEST_TURN
+        turning_radius=float(np.linalg.norm(last[4:])) / math.radians(abs(rate)) if abs(rate) >= SLOWEST_TURN
         else math.nan,
         power=float(power), cost_of_transport=cost_of_transport(
             float(power), float(speed), parameters.body.mass * parameters.body.gravity),
-        strouhal=strouhal(frequency, excursion, float(speed)),
+        strouhal=strouhal(frequency, excursion, float(through_water)),
         converged=bool(
             abs(speed - before[1]) <= CONVERGED * max(abs(speed), SMALL_SPEED)
             and abs(rate - yaw_rates[0]) <= CONVERGED * max(abs(rate), SMALL_TURN)),

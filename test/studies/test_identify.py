@@ -3,6 +3,7 @@
 import csv
 import dataclasses
 import os
+import re
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +13,7 @@ from rclpy.serialization import serialize_message
 from scipy.spatial.transform import Rotation
 from std_msgs.msg import Float64MultiArray
 
-from manta_sim_ros.dynamics import Parameters, Simulator
+from manta_sim_ros.dynamics import Parameters, Simulator, State
 from manta_sim_ros.nodes.settings import Settings
 from manta_sim_ros.sensors import Imu, read_imu
 from manta_sim_ros.studies import identify as command
@@ -121,6 +122,71 @@ def test_segments_do_not_pass_on_the_error_of_another_one(swims):
     found = identify([jumped], [DRAG, YAW], MODEL, segment=1.5)
     assert covered(found).all() and found.chi_square == pytest.approx(1.0, abs=0.2)
     assert evaluate([jumped], found.parameters).rms['position'][0] > 0.5  # one whole run cannot be simulated
+
+
+@pytest.mark.parametrize('channels', [
+    ['twist'], ['position', 'twist'], ['position', 'orientation'], ['angular_velocity', 'specific_force']])
+def test_segments_begin_also_where_not_all_of_the_body_is_measured(channels):
+    deviations = dict.fromkeys(channels, 0.003)
+    swims = [measured(gait, deviations, seed, interval=0.05)
+             for seed, gait in enumerate([TURN, (25, 15, 0.8, 0.8, 30, 30)])]
+    found = identify(swims, [DRAG, YAW], MODEL, segment=1.5)
+    assert covered(found).all() and found.chi_square == pytest.approx(1.0, abs=0.2)
+
+
+@pytest.mark.parametrize('hidden', [0.0, 0.5, 3.0])
+@pytest.mark.parametrize('start', [0.0, 1e-4, 0.1])
+def test_a_parameter_is_found_wherever_the_search_begins_also_at_its_bound(hidden, start):
+    damping = 'body.linear_damping[5]'
+    swim = measured(TURN, BODY, 1, {damping: hidden})
+    found = identify([swim], [damping], with_parameters(MODEL, {damping: start}))
+    best = identify([swim], [damping], with_parameters(MODEL, {damping: hidden + 0.2}))
+    assert found.chi_square == pytest.approx(best.chi_square, rel=1e-3) and covered(found, {damping: hidden}).all()
+    assert found.estimates == pytest.approx(best.estimates, abs=0.1 * best.errors[0])
+
+
+def test_a_run_that_begins_in_motion_has_the_forces_of_that_motion_from_its_first_sample_on():
+    still = (0, 0, 0, 0, 0, 0)
+    start = dataclasses.replace(State.at_rest(MODEL), twist=np.array([0.7, 0.0, 0.0, 0.0, 0.0, 0.0]))
+    left, right = gaits_from(still)
+    simulator = Simulator(MODEL, state=start)
+    simulator.command(left=left, right=right)
+    simulator.advance(0.5)
+    states = [simulator.state, *(simulator.advance(0.1) for _ in range(10))]
+    glide = planned(still, {'position': 1e-3, 'twist': 1e-3, 'specific_force': 1e-3, 'wrench': 1e-2}, 1.0)
+    time = np.array([state.time - states[0].time for state in states])
+    quiet = dataclasses.replace(PLACED, acceleration_noise=0.0)
+    readings = [read_imu(quiet, MODEL, state).specific_force for state in states]
+    exact = glide._replace(channels={
+        name: glide.channels[name]._replace(time=time, values=np.array(values)) for name, values in {
+            'position': [state.position for state in states], 'twist': [state.twist for state in states],
+            'specific_force': readings, 'wrench': [state.fin_wrenches.sum(axis=0) for state in states]}.items()})
+    fit = evaluate([exact], MODEL)
+    assert abs(readings[0][0] - readings[-1][0]) > 0.01 < abs(states[0].fin_wrenches.sum(axis=0)[0])
+    assert max(values.max() for values in fit.weighted.values()) < 1.0
+
+
+@pytest.mark.parametrize(('free', 'options', 'said'), [
+    ([], {}, 'no parameter is free, but at least one must be'),
+    ([DRAG, YAW, DRAG], {}, f'{DRAG} is free twice, but must be once'),
+    ([DRAG], {'segment': np.nan}, 'segment is nan s, but must be a finite number of at least'),
+    ([DRAG], {'segment': np.inf}, 'segment is inf s, but must be a finite number of at least'),
+    ([DRAG], {'segment': -1.0}, 'segment is -1 s, but must be a finite number of at least'),
+    ([DRAG], {'runs': []}, 'there are no runs, but must be at least one'),
+])
+def test_what_cannot_be_identified_is_refused_with_value_and_bound(swims, free, options, said):
+    with pytest.raises(ValueError, match=f'^{re.escape(said)}'):
+        identify(options.pop('runs', swims), free, MODEL, **options)
+
+
+@pytest.mark.parametrize(('free', 'options', 'said'), [
+    ([], {}, 'no parameter is free'), ([DRAG], {'count': 0}, 'count is 0, but must be at least 1'),
+    ([DRAG], {'duration': -2.0}, 'duration is -2 s, but must be a finite number of at least 0.1 s'),
+    ([DRAG], {'duration': np.nan}, 'duration is nan s, but must be'),
+])
+def test_a_design_of_nothing_is_refused_with_value_and_bound(free, options, said):
+    with pytest.raises(ValueError, match=f'^{re.escape(said)}'):
+        design(free, MODEL, **{'count': 2, **options})
 
 
 def test_samples_between_the_simulated_states_are_interpolated():
@@ -368,7 +434,8 @@ def test_a_wrong_table_is_refused_by_file_line_value_and_bound(folder, lines, sa
     (['run.csv', '--free', DRAG, '--channels', 'twist,speed'], '--channels has speed, but must have names of'),
     (['run.csv', '--free', DRAG, '--channels', 'wrench'], 'run.csv: has no measurement of wrench'),
     (['run.csv', '--free', DRAG, '--segment', '0'], "is '0', but must be a number above 0 and at most 3600"),
-    (['run.csv', '--free', DRAG, '--segment', '0.01'], 'segment is 0.01 s, but must be at least 0.2 s'),
+    (['run.csv', '--free', DRAG, '--segment', '0.01'],
+     'segment is 0.01 s, but must be a finite number of at least 0.2 s'),
     (['run.csv', '--free', DRAG, '--design', '--output', 'a.yaml'], '--output does not go with --design'),
     (['.', '--free', DRAG], '.: cannot be read as a bag'),
 ])

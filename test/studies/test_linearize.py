@@ -1,6 +1,7 @@
 """`linearize`: the periodic motion is one, and the linear model predicts what the simulator does."""
 
 import dataclasses
+import math
 import os
 import re
 import subprocess
@@ -13,6 +14,7 @@ from evidence.harness.processes import LIMIT, command_of
 from evidence.scenarios import assert_close
 from manta_sim_ros.dynamics import FinCommand, Parameters, Simulator, simulate_batch
 from manta_sim_ros.figures.gaits import IN_WATER
+from manta_sim_ros.studies import poincare
 from manta_sim_ros.studies.gaits import gaits_of
 from manta_sim_ros.studies.linearize import INPUTS, linearize, main
 from manta_sim_ros.studies.poincare import NoEquilibriumError, PeriodMap
@@ -216,6 +218,24 @@ def test_a_robot_that_floats_has_a_depth():
     assert abs(model.climb_rate) < 1e-8
 
 
+@pytest.mark.parametrize(('step', 'problem'), [
+    (None, 'after 30 iterations'), (math.inf, 'the robot leaves the surface')])
+def test_no_equilibrium_is_found_far_below_the_surface(step, problem, monkeypatch):
+    if step is not None:
+        monkeypatch.setattr(poincare, 'DEEPEST_STEP', step)
+    bobbing = FEW.replace(
+        fin={'chains': 6, 'links': 2}, water={'surface_height': 0.02}, body={'net_buoyancy': 1.0})
+    with pytest.raises(NoEquilibriumError, match=f'^no equilibrium: {problem}'):
+        linearize(bobbing, *gaits_of('10,10,0.5,0.5,40,40'))
+
+
+def test_the_heading_rate_is_that_of_a_turn_of_more_than_half_a_circle_in_a_period():
+    nimble = FEW.replace(fin={'chains': 6, 'links': 2}, body={'quadratic_damping': (0.0, 0.0, 0.0, 2.7, 6.4, 0.2)})
+    model = linearize(nimble, *gaits_of('40,40,0.5,0.5,40,0'))
+    assert abs(model.heading_rate * model.period) > math.pi
+    assert model.heading_rate == pytest.approx(model.means[5], rel=0.02)
+
+
 def test_the_command_prints_and_writes_the_model(tmp_path):
     ended = subprocess.run(
         [*command_of('linearize'), '--gait', '30,30,0.5,0.5,40,40', '--output', 'model.npz'], cwd=tmp_path,
@@ -257,6 +277,7 @@ def test_the_model_is_written_although_it_cannot_be_printed(output, status, line
     (['--gait', '30,30,0.5,0.5,40,40', '--output', 'no/model.npz'], 2, '--output is no/model.npz, but must be a .npz'),
     (['--gait', '30,30,0.5,0.5,40,40', '--output', 'thesis.tex'], 2, '--output is thesis.tex, but must be a .npz file'),
     (['--gait', '-30,30,0.5,0.5,40,40'], 2, r'left amplitude -30 degrees: amplitude is -0\.52.*, but must be from 0'),
+    (['--gait', '30,30,0.5,0.5,40,360'], 2, r'the right phase is 6\.28319, but must be 1e-05 away from its bounds'),
     (['--gait', '30,20,0.5,0.5,40,40'], 1, 'no equilibrium: after 30 iterations'),  # chordwise instability
 ])
 def test_the_command_refuses_in_one_line(arguments, status, line, tmp_path, monkeypatch, capsys):

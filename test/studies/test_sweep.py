@@ -26,7 +26,7 @@ from manta_sim_ros.figures.record import record
 from manta_sim_ros.figures.turning import Turn
 from manta_sim_ros.studies import cases, plot
 from manta_sim_ros.studies import sweep as sweeps
-from manta_sim_ros.studies.cases import simulate_cases
+from manta_sim_ros.studies.cases import RESULTS, simulate_cases
 from manta_sim_ros.studies.study import read_study
 from manta_sim_ros.studies.sweep import AddressError, OtherStudyError, main, sweep
 from manta_sim_ros.studies.swim import tip_excursion
@@ -131,6 +131,60 @@ def test_a_swim_has_converged_when_its_periods_are_alike(study):
     for duration, converged in ((4.0, False), (40.0, True)):
         one, = simulate_cases(study(f'duration: {duration}\n' + text.format()))
         assert one['converged'] is converged
+
+
+def test_a_fin_without_amplitude_does_not_flap_whatever_its_frequency(study):
+    text = """
+duration: 10.0
+gait: {left_amplitude: 0, left_frequency: {values: [0, 0.1, 0.6]}, right_amplitude: 30, right_frequency: 0.6, phase: 40}
+parameters: {fin.chains: 4}
+"""
+    still, *others = simulate_cases(study(text))
+    assert still['error'] is None and abs(still['yaw_rate']) > 1.0
+    for row in others:
+        for name in RESULTS:
+            assert row[name] == pytest.approx(still[name], nan_ok=True), name
+
+
+def test_means_of_two_frequencies_do_not_depend_on_when_the_swim_ends(study):
+    rows = [simulate_cases(study(f"""
+duration: {duration}
+config: {ROOT / 'config' / 'freshwater.yaml'}
+gait: {{amplitude: {{values: [30]}}, left_frequency: 0.3, right_frequency: 0.5, phase: 40}}
+parameters: {{fin.chains: 4, fin.links: 2}}
+"""))[0] for duration in (60, 61.5, 63)]
+    for row in rows:
+        assert row['converged']
+        for name in ('thrust', 'speed', 'yaw_rate', 'turning_radius', 'power', 'strouhal'):
+            assert row[name] == pytest.approx(rows[0][name], rel=0.02), name
+
+
+@pytest.mark.parametrize(('frequencies', 'longest', 'period'), [
+    ((0.5, 0.5), 0.0, 2.0), ((0.5,), 100.0, 2.0), ((0.3, 0.5), 15.0, 10.0), ((0.5, 0.3), 10.0, 10.0),
+    ((0.3, 0.6), 1.0, 1.0 / 0.3), ((0.4, 0.7), 12.0, 10.0), ((0.4, 0.7), 9.0, 7.5), ((0.4, 0.7), 1.0, 2.5),
+    ((0.5, 0.5 * math.sqrt(2.0)), 30.0, 24.0)])
+def test_the_period_is_that_of_both_fins_as_far_as_it_is_short(frequencies, longest, period):
+    assert cases.common_period(frequencies, longest) == pytest.approx(period)
+
+
+def test_the_strouhal_number_is_that_in_the_water_beside_the_climb(study):
+    text = """
+duration: 30.0
+config: {config}
+gait: {{amplitude: {{values: [20]}}, frequency: 0.6, phase: 40}}
+parameters: {{fin.chains: 4, '{parameter}': {{values: {values}}}}}
+"""
+    def rows(parameter, values):
+        return simulate_cases(study(text.format(
+            config=ROOT / 'config' / 'freshwater.yaml', parameter=parameter, values=values)))
+
+    back, still, ahead = rows('water.current[0]', [-0.3, 0.0, 0.3])
+    assert back['speed'] < 0.0 < still['speed'] < ahead['speed']
+    for row in (back, ahead):
+        assert row['strouhal'] == pytest.approx(still['strouhal'], rel=5e-3)
+        assert abs(row['speed'] - still['speed']) == pytest.approx(0.3, rel=5e-3)
+    up, down = rows('body.net_buoyancy', [5.0, -5.0])
+    assert up['strouhal'] == pytest.approx(down['strouhal'], rel=0.01)
 
 
 def test_the_example_is_a_study_and_stands_in_the_documentation():
