@@ -134,6 +134,14 @@ def test_segments_begin_also_where_not_all_of_the_body_is_measured(channels):
     assert covered(found).all() and found.chi_square == pytest.approx(1.0, abs=0.2)
 
 
+def test_the_start_of_a_segment_acts_on_this_segment_alone_also_where_it_is_not_measured():
+    problem = Problem([measured(TURN, {'position': 0.003}, 0)], [DRAG], MODEL, 1.0)
+    speed_of_second = 1 + int(np.flatnonzero((problem._of_segment == 1) & (problem._coordinate == 6))[0])
+    before, after = problem.errors([problem.start, problem.start + 0.1 * np.eye(len(problem.start))[speed_of_second]])
+    changes = [np.abs(after - before)[problem.segments == segment].max() for segment in range(3)]
+    assert changes[0] == 0.0 and changes[1] > 0.05 and changes[2] < 1e-3
+
+
 @pytest.mark.parametrize('hidden', [0.0, 0.5, 3.0])
 @pytest.mark.parametrize('start', [0.0, 1e-4, 0.1])
 def test_a_parameter_is_found_wherever_the_search_begins_also_at_its_bound(hidden, start):
