@@ -64,7 +64,7 @@ class LockstepRobot:
         self.probe.until(lambda: self.odometry.stamps[-1:] == [end] == self.wrench.stamps[-1:], 'the outputs')
         return end
 
-    def repeat_no_more(self):
+    def wait_for_repeats(self):
         """Wait until the paused robot has sent its last outputs again to those who have subscribed lately."""
         self.probe.listen(2.0 * LATECOMER_DELAY)
 

@@ -155,7 +155,8 @@ class Problem:
         self.bounds = (
             np.concatenate([np.array([each.low for each in about]) / self.scales, np.full(len(starts), -np.inf)]),
             np.concatenate([self._high / self.scales, np.full(len(starts), np.inf)]))
-        self._hold_starts_without_effect()
+        if any(len(plan.starts) > 1 for plan in self.plans):
+            self._hold_starts_without_effect()
 
     def _set_rows(self) -> None:
         """Set segment, component and known standard deviation (N,) of each of the N errors, and the components."""
@@ -396,7 +397,7 @@ def identify(
 
     A segment starts with a body of its own, while the fins go on: they are hardly ever measured, and forget their start
     within a stroke or two. Pose and twist at its start are free; the search begins with what is measured, and with a
-    simulation of the run for the rest. Only a run starts at the origin, and at rest, where that is not measured. The
+    simulation of the run for the rest. A run starts at the origin and at rest where its start is not measured. The
     starts are not tied to the ends of the segments before, so that an error of the model, or an unstable motion, does
     not add up over a long run.
 

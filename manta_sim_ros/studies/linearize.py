@@ -112,8 +112,9 @@ def _perturbed(gaits: tuple[FinCommand, FinCommand]) -> list[tuple[FinCommand, F
 
 def _turn(before: State, record: Sequence[State]) -> float:
     """Return by how much the heading turns over a period [rad]: in a sharp turn, that is more than half a turn."""
-    headings = Rotation.from_quat([state.orientation for state in (before, *record)]).as_euler('ZYX')[:, 0]
-    return float(np.unwrap(headings)[-1] - headings[0])
+    attitudes = Rotation.from_quat([state.orientation for state in (before, *record)])
+    headings = np.unwrap(attitudes.as_euler('ZYX')[:, 0])
+    return float(headings[-1] - headings[0])
 
 
 def _means(period_map: PeriodMap, before: State, record: Sequence[State]) -> FloatArray:

@@ -238,7 +238,7 @@ def _put(state: State, start: Start, change: FloatArray) -> State:
 
 
 def _with_dynamics(parameters: Sequence[Parameters], states: Sequence[State]) -> list[State | DivergenceError]:
-    """Return states with the DYNAMIC values of their motion, in place of those of another one that `_put` left."""
+    """Return states whose DYNAMIC values are those of their own motion; `_put` has left those of another one."""
     if not states:
         return []
     after = simulate_batch(parameters, states, None, DYNAMIC_STEPS * parameters[0].solver.time_step)

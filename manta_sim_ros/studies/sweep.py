@@ -54,7 +54,7 @@ class OtherStudyError(ValueError):
 
 
 class AddressError(ValueError):
-    """What is given as address of a scheduler is none, or none that the configuration of Dask can reach."""
+    """The address of a scheduler is malformed, or one that the configuration of Dask does not allow."""
 
 
 def sweep(

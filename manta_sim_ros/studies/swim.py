@@ -39,8 +39,8 @@ class Swim(NamedTuple):
     cost_of_transport: float
     """Power over weight times speed; NaN if the robot does not swim, or has no weight."""
     strouhal: float
-    """Frequency times excursion of the fin tips over the forward speed through the water; the excursion is that beside
-    the mean climb. NaN if the robot does not swim."""
+    """Frequency times excursion of the fin tips over the forward speed through the water; the mean climb of the
+    body is no part of the excursion. NaN if the robot does not swim."""
     converged: bool
     """Whether speed and yaw rate are those of the period before."""
 
@@ -81,9 +81,8 @@ def swim(parameters: Parameters, states: Sequence[State], frequency: float, peri
     """
     time = np.array([state.time for state in states])
     ends = time[-1] - period * np.array([2.0, 1.0, 0.0])
-    orientation = np.array([state.orientation for state in states])
-    heading = np.unwrap(Rotation.from_quat(orientation).as_euler('ZYX')[:, 0])
-    attitude = Rotation.from_quat(orientation)
+    attitude = Rotation.from_quat([state.orientation for state in states])
+    heading = np.unwrap(attitude.as_euler('ZYX')[:, 0])
     turned = Rotation.from_euler('Z', -heading[:, None]) * attitude
     twist = np.array([state.twist for state in states])
     current = attitude.inv().apply(

@@ -140,7 +140,7 @@ def swim(module_launch, probe, tmp_path_factory):
             return end
 
         probe.until(lambda: recorder.heard.keys() == types.keys(), 'a message of each topic', doing=robot.step)
-        robot.repeat_no_more()
+        robot.wait_for_repeats()
         began = step()
         assert robot.trigger('reset').success
         robot.command(GAIT)

@@ -19,7 +19,7 @@ def robot(module_launch, probe):
     robot.markers = probe.record(MarkerArray, '/marked/fin_markers')
     robot.step()
     probe.until(lambda: robot.markers, 'markers')
-    robot.repeat_no_more()
+    robot.wait_for_repeats()
     return robot
 
 

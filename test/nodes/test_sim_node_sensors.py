@@ -45,7 +45,7 @@ def sensed_robot(module_launch, probe):
     robot = Sensed(module_launch, probe, 'sensed', '-p imu.seed:=5 -p pressure.seed:=6')
     robot.trigger('step')
     probe.until(lambda: robot.odometry and robot.imu and robot.pressure and robot.joints, 'outputs')
-    robot.repeat_no_more()
+    robot.wait_for_repeats()
     return robot
 
 
